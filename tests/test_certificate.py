@@ -103,6 +103,37 @@ def test_order_of_the_grid_part_is_that_of_three_grids():
         assert factor == pytest.approx(1.25 / (2**expected - 1), rel=1e-6)
 
 
+def test_harmonics_have_the_uncertainty_of_their_complex_amplitudes():
+    """By hand: a companion that differs by 1 % and 0.02 rad in the first harmonic, and a frequency error of 1e-4."""
+    case, _ = steady(60, cells=16)
+    cases = next(companion_cases(case, 0.01, 1.0))
+    t = np.arange(0.0, 20.0, 0.02)
+
+    def record(size, phase):
+        return 0.1 * size * np.cos(np.pi * t - phase) + 0.01 * np.cos(2 * np.pi * t)
+
+    estimate, companions = Estimate.of(case, cases, 0.01), CompanionValues(record(1.01, 0.02))
+    waves = estimate.harmonics(t, record(1.0, 0.0), companions, 2.0)
+    np.testing.assert_allclose(waves.amplitude, [0.1, 0.01, 0.0], atol=1e-10)
+    grid = estimate.grid(record(1.0, 0.0), companions)
+    off = grid * 0.1 * np.abs(1.01 * np.exp(0.02j) - 1)
+    np.testing.assert_allclose(waves.amplitude_uncertainty, [off, 0.0, 0.0], rtol=1e-6, atol=1e-10)
+    frequency = np.hypot(*estimate.frequency_errors(t, record(1.0, 0.0)))
+    assert frequency > 0
+    phases = np.hypot(off / 0.1, frequency * np.pi * t[-1]), frequency * 2 * np.pi * t[-1]
+    np.testing.assert_allclose(waves.phase_uncertainty[:2], phases, rtol=1e-6)
+
+
+def test_gauge_of_low_waves_does_not_determine_the_relative_uncertainty():
+    """The second gauge has 5 % of the waves of the first, and an uncertainty of 80 % of its own."""
+    parts = xarray.DataArray([[0.001, 0.004]], {"part": ["grid"]}, ("part", "gauge"))
+    rms = xarray.DataArray([0.1, 0.005], dims="gauge")
+    heights = {f"crest_{name}": (("gauge", "crest"), np.full((2, 1), np.nan)) for name in ("height", "time")}
+    data = xarray.Dataset({"part_rms": parts, "elevation_rms": rms} | heights)
+    certifying = import_module("wavetank.recording.certify")
+    assert dict(certifying._relative(data, None))["gauges"] == pytest.approx(0.01)
+
+
 def test_companion_that_breaks_down_raises_the_safety_factor(path, tmp_path, monkeypatch):
     certifying = import_module("wavetank.recording.certify")
     original, sizes = certifying.build_run, []

@@ -18,6 +18,7 @@ from wavetank.case.numerics import Numerics, RunControl
 from wavetank.case.output import Gauge, GaugeLine, Output, Probe, Target, WallLoad, Window, named
 from wavetank.case.tank import BasinTank, Depth, Sponge, Tank
 from wavetank.case.wall import FarWall, FixedWall, Wall
+from wavetank.mesh import MeshFile
 
 CACHED = {"ends", "_depths"}  # names of attributes that are computed once
 SENSORS = {"gauges": "gauge", "gauge_lines": "row", "probes": "probe", "windows": "window", "loads": "load"}
@@ -149,6 +150,11 @@ class Case(CaseModel):
             return self.output.surface_every
         short = 0.5 * (self.tank.depth / self.tank.gravity) ** 0.5
         return float(np.clip(short, self.run.duration / 1000, self.run.duration / 200))
+
+    @property
+    def on_mesh_file(self) -> bool:
+        """Whether the mesh is that of a file, whose cells have given sizes."""
+        return isinstance(self.tank, BasinTank) and isinstance(self.tank.layout, MeshFile)
 
     def depths(self) -> float | Depth:
         """Return the still-water depth [m], or d(x, y) over a bed, whose file is read once.

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 from wavetank.base.errors import InputError
 from wavetank.case import BasinTank, Case
-from wavetank.mesh import MeshFile
 from wavetank.planning.resolution import shortest_wave, still_mesh, vertical_order_for
 
 RATIO, COARSER, FINER = 2.0, 4.0, 1.4  # sizes of cells, and time steps, over those of the run
@@ -101,8 +100,7 @@ def companion(case: Case, dt: float, limit: float, ratio: float = RATIO) -> Case
         cells = max(tank.fewest_cells, round(case.cells / ratio))
         size = tank.length / cells
     order = numerics.order
-    on_file = isinstance(tank, BasinTank) and isinstance(tank.layout, MeshFile)
-    if on_file or size < LEAST_RATIO * case.cell_size:
+    if case.on_mesh_file or size < LEAST_RATIO * case.cell_size:
         if order == 1:
             raise InputError("the mesh cannot be coarser, and the order is 1")
         order, cells, size = order - 1, numerics.cells, case.cell_size

@@ -26,16 +26,15 @@ from wavetank.base.case_model import CaseError, about
 from wavetank.base.errors import InputError
 from wavetank.base.mpi import from_first
 from wavetank.base.run_warning import RunWarning
-from wavetank.case import BasinTank, Case, LinearWater, NonlinearWater, Physics, RunState
+from wavetank.case import Case, LinearWater, NonlinearWater, Physics, RunState
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
-from wavetank.mesh import MeshFile
 from wavetank.planning.cost import Cost, slice_cost
 from wavetank.planning.dispersion import Mesh
 from wavetank.planning.prediction import ErrorModel, Settings, stroke_missed
 from wavetank.planning.requirements import Requirements, requirements, unplanned
 from wavetank.planning.resolution import DEFAULT, resolved, shortest_wave, solved_to, too_short
-from wavetank.simulation.build import ANSWERED, build_clock
+from wavetank.simulation.build import build_clock, stability_limit
 from wavetank.simulation.clock import ROUNDING, Clock
 from wavetank.simulation.initial import with_its_numerics
 from wavetank.tank.breakdown import FARTHEST
@@ -187,8 +186,8 @@ def _planned(case: Case) -> PlannedCase:
     if isinstance(case.initial, RunState) and case.numerics.accuracy is None:
         with about("initial"):
             return PlannedCase(with_its_numerics(case, case.initial))
-    numerics, on_file = case.numerics, isinstance(case.tank, BasinTank) and isinstance(case.tank.layout, MeshFile)
-    if numerics.open or not (on_file or numerics.model_fields_set & {"cells", "cell_size"}):
+    numerics = case.numerics
+    if numerics.open or not (case.on_mesh_file or numerics.model_fields_set & {"cells", "cell_size"}):
         check_resolvable(case)
     try:
         plan = default_plan(case)
@@ -318,7 +317,7 @@ class _Steps:
     def _stable(self, mesh: Mesh) -> float:
         """Return the longest step [s] that is stable and whose stages converge."""
         stable, required = float(self._integrator.stability_limit), self._required
-        limit = MARGIN * min(stable, ANSWERED if required.case.absorbing else np.inf)
+        limit = MARGIN * stability_limit(required.case, self._integrator())
         if required.physics == "linear":
             return limit / mesh.largest_frequency
         shifted = _frequency_under_crests(required, mesh)

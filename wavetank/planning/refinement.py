@@ -15,7 +15,6 @@ from wavetank.base.errors import InputError
 from wavetank.case import BasinTank, Case, Numerics
 from wavetank.case.numerics import HIGHEST_ORDER, HIGHEST_VERTICAL_ORDER
 from wavetank.integrators import INTEGRATORS
-from wavetank.mesh import MeshFile
 from wavetank.planning.companion import ORDERS, has_kinks
 from wavetank.planning.dispersion import relative_frequency_error
 from wavetank.planning.plan import largest_step_under_crests
@@ -51,7 +50,7 @@ def finer(case: Case, dt: float, parts: Mapping[str, float], target: float, requ
     large = {part: one for part, one in parts.items() if one > SMALL * target}
     factors = {part: max(1.0, one * sqrt(len(large)) / (AIM * target)) for part, one in large.items()}
     for part in (part for part, factor in factors.items() if factor > 1.0):
-        keys = ("order",) if part == "grid" and _on_file(case) else KEYS[part]
+        keys = ("order",) if part == "grid" and case.on_mesh_file else KEYS[part]
         if named := [key for key in keys if key in requested.model_fields_set]:
             key = f"numerics.{named[0]} = {getattr(requested, named[0])}"
             raise InputError(f"{key} causes an uncertainty of {parts[part]:.2g} ({part}): it must be left out")
@@ -70,7 +69,7 @@ def refined_grid(case: Case, dt: float, ratio: float) -> Numerics:
     A mesh of a file has an order more.
     """
     numerics, tank, ratio = case.numerics, case.tank, min(ratio, MAX_RATIO)
-    if _on_file(case):
+    if case.on_mesh_file:
         changes: dict[str, Any] = {"order": min(numerics.order + (ratio > 1.0), HIGHEST_ORDER)}
         size = case.cell_size
     elif isinstance(tank, BasinTank):
@@ -83,10 +82,6 @@ def refined_grid(case: Case, dt: float, ratio: float) -> Numerics:
     pair = (case, case.cell_size), (fine, size)
     changes["dt"] = dt * min(1.0, _step_limit(*pair[1]) / _step_limit(*pair[0]))
     return numerics.model_copy(update=changes)
-
-
-def _on_file(case: Case) -> bool:
-    return isinstance(case.tank, BasinTank) and isinstance(case.tank.layout, MeshFile)
 
 
 def _step_limit(case: Case, size: float) -> float:

@@ -25,17 +25,15 @@ class Column(NamedTuple):
     format: str = "{}"
 
 
+PLACE = [Column("gauge", "gauge"), Column("x", "x [m]", "{:g}")]
+MISFIT = [*PLACE, Column("nrms", "nrms", "{:.3f}")]
 COMPARISON = [
-    Column("gauge", "gauge"),
-    Column("x", "x [m]", "{:g}"),
-    Column("nrms", "nrms", "{:.3f}"),
+    *MISFIT,
     Column("correlation", "correlation", "{:.3f}"),
     Column("similarity", "similarity", "{:.3f}"),
 ]
 FITTED = [
-    Column("gauge", "gauge"),
-    Column("x", "x [m]", "{:g}"),
-    Column("nrms", "nrms", "{:.3f}"),
+    *MISFIT,
     Column("nrms_fitted", "fitted", "{:.3f}"),
     Column("gain", "gain", "{:.3f}"),
     Column("shift", "shift [s]", "{:.3f}"),
@@ -79,8 +77,7 @@ EXTREMES = [
     Column("arrival_error", "arrival [s]", "{:+.3f}"),
 ]
 HARMONICS = [
-    Column("gauge", "gauge"),
-    Column("x", "x [m]", "{:g}"),
+    *PLACE,
     Column("harmonic", "harmonic"),
     Column("computed", "computed [m]", "{:.4g}"),
     Column("reference", "reference", "{:.4g}"),

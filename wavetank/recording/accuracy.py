@@ -25,6 +25,7 @@ from wavetank.planning.refinement import finer, refined_grid
 from wavetank.planning.resolution import DEFAULT
 from wavetank.planning.timing import time_steps
 from wavetank.recording import record_run
+from wavetank.simulation.build import stability_limit
 
 if TYPE_CHECKING:
     from wavetank.recording.certify import Certificate  # imports xarray, which is slow
@@ -145,7 +146,7 @@ def _within(case: Case, comm: MPI.Comm, budget: float) -> Case:
     """Return a case whose run and companion need at most a CPU time [s], by the time of its first steps; collective."""
     chosen = planned(case, comm).case
     run, waves, clock, step, _, below = time_steps(chosen, comm)
-    limit = run.integrator.stability_limit / waves.largest_frequency
+    limit = stability_limit(chosen, run.integrator) / waves.largest_frequency
     needed = COMPANION * (clock.steps * step + below) * comm.size
     if needed <= budget:
         return case

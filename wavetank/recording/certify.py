@@ -1,9 +1,8 @@
-"""The certificate of a run: the numerical uncertainty of its records, by a companion run that is not recorded."""
+"""The certificate of a run: the numerical uncertainty of its records, by companion runs that are not recorded."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,7 +29,7 @@ from wavetank.planning.uncertainty import (
     gauge_uncertainties,
 )
 from wavetank.recording.log import RecordedRun
-from wavetank.simulation.build import ANSWERED, build_run
+from wavetank.simulation.build import build_run, stability_limit
 from wavetank.simulation.case_diagnostics import build_observers, surface_points
 from wavetank.simulation.records import Memory, Records
 from wavetank.tank.block import Block
@@ -103,9 +102,9 @@ class Certificate(NamedTuple):
 
 
 def certify(recorded: RecordedRun, stop: Callable[[Block], None]) -> Certificate:
-    """Run the companion, write and log the certificate of a recorded run, and return it; collective.
+    """Run the companions, write and log the certificate of a recorded run, and return it; collective.
 
-    ``stop`` is called after each block of the companion; it raises a ``RunError`` to end it.
+    ``stop`` is called after each block of a companion; it raises a ``RunError`` to end it.
     """
     writer, comm = recorded.writer, recorded.waves.plane.comm
     before, start = recorded.parts.so_far()[-1]["timings"]["stepping_cpu_s"], time.process_time()
@@ -160,7 +159,7 @@ def _certified(recorded: RecordedRun, stop: Callable[[Block], None]) -> Dataset:
     run, comm = recorded.run, recorded.waves.plane.comm
     own = OwnRecords(recorded.surface.array(), recorded.case.regular_period)
     case = recorded.case.model_copy(update={"initial": recorded.requested.initial})  # not that of a resumed run
-    limit = min(run.integrator.stability_limit, ANSWERED if case.absorbing else inf) / recorded.waves.largest_frequency
+    limit = stability_limit(case, run.integrator) / recorded.waves.largest_frequency
     why = NotResolvedError()
     try:
         for cases in companion_cases(case, run.clock.dt, limit):
@@ -215,10 +214,11 @@ def certificate(path: Path, companions: CompanionRecords, own: OwnRecords) -> Da
     Raises ``TooCoarseError``, ``NotResolvedError``.
     """
     run, estimate = RunDirectory(path), companions.estimate
+    recorded = run.gauges
     result = Dataset(attrs={"comment": CONFIDENCE})
-    if not run.gauges.sizes["gauge"]:
+    if not recorded.sizes["gauge"]:
         raise NotResolvedError("the case has no gauge")
-    gauges = run.gauges.dropna("time")  # from the time on at which all gauges exist
+    gauges = recorded.dropna("time")  # from the time on at which all gauges exist
     t = gauges.time.values
     if min(t.size, companions.coarse.gauges.sizes["time"]) < FEWEST:
         raise NotResolvedError(f"the gauges have {t.size} rows: at least {FEWEST} are needed")
@@ -226,7 +226,7 @@ def certificate(path: Path, companions: CompanionRecords, own: OwnRecords) -> Da
     several = gauge_uncertainties(t, elevations, theirs, estimate)
     errors = np.max([estimate.frequency_errors(t, one - one.mean()) for one in elevations], axis=0)
     total = gauges.copy(data=[one.total for one in several])
-    total = total.reindex(time=run.gauges.time).assign_attrs(units="m", long_name=CONFIDENCE)
+    total = total.reindex(time=recorded.time).assign_attrs(units="m", long_name=CONFIDENCE)
     result["elevation_uncertainty"] = total
     result["elevation_rms"] = (gauges**2).mean("time") ** 0.5
     rms = [[np.sqrt(np.mean(part**2)) for part in one.parts] for one in several]

@@ -28,6 +28,11 @@ MANY_UNKNOWNS = 100_000  # number of unknowns of a basin above which several ran
 ANSWERED = 1.25  # omega_max dt above which absorbing flaps have been unstable
 
 
+def stability_limit(case: Case, integrator: Integrator[Any]) -> float:
+    """Return the largest dt omega_max of an integrator, with absorbing paddles at most ``ANSWERED``."""
+    return min(float(integrator.stability_limit), ANSWERED if case.absorbing else inf)
+
+
 def initial_state(case: Case, waves: AnyWaves) -> tuple[Vector, Vector]:
     """Return (Q, psi) of the initial surface of a case; collective. Raises ``InputError`` if it lies below the bed."""
     comm = waves.plane.comm

@@ -15,11 +15,10 @@ from typing import NamedTuple
 from urllib.parse import quote
 
 from wavetank.base.errors import InputError, choice
-from wavetank.case import BasinTank, Case
+from wavetank.case import Case
 from wavetank.case.numerics import HIGHEST_ORDER, HIGHEST_VERTICAL_ORDER
 from wavetank.case.reading import read_case
 from wavetank.integrators import INTEGRATORS
-from wavetank.mesh import MeshFile
 
 SHORT_NAMES = {
     "dt": "numerics.dt",
@@ -233,7 +232,7 @@ def finest(group: Iterable[Combination]) -> Combination:
 def refined(case_file: Path, coarse: Combination, *, dt: float, name: str) -> Combination:
     """Return a combination refined once more, given its step [s], which the case may omit."""
     case, numerics = coarse.case, coarse.case.numerics
-    if isinstance(case.tank, BasinTank) and isinstance(case.tank.layout, MeshFile):
+    if case.on_mesh_file:
         cells = f"order={min(numerics.order + 1, HIGHEST_ORDER)}"
     elif numerics.cells is None:
         cells = f"cell_size={case.cell_size / 2!r}"
