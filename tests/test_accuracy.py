@@ -24,7 +24,9 @@ TANK, GAUGES, LOADS = {"length": 6.0, "depth": 1.0}, [1.0, 3.0], [{"on": "far wa
 
 def paddle(**numerics):
     """Return a case of a piston, with the numerics of a plan, and its requested numerics."""
-    case = build_case(TANK, duration=6.0, wall=piston(1.5, 0.02, ramp=1.5), gauges=GAUGES, loads=LOADS)
+    case = build_case(
+        TANK, duration=6.0, wall=piston(1.5, 0.02, ramp=1.5), gauges=GAUGES, loads=LOADS, water={"type": "nonlinear"}
+    )
     return case.model_copy(update={"numerics": Numerics(**NUMERICS | numerics)}), case.numerics
 
 
@@ -49,7 +51,7 @@ def delivered(tmp_path):
     return run
 
 
-@pytest.mark.parametrize(("order", "power"), [(2, 2), (3, 3), (5, 4)])
+@pytest.mark.parametrize(("order", "power"), [(1, 2), (2, 3), (3, 4), (5, 4)])
 def test_cells_decrease_with_the_order_of_the_grid_part(order, power):
     case, requested = paddle(order=order)
     numerics = finer(case, 0.05, {"grid": 0.04, "time step": 1e-9}, 0.01, requested)
@@ -103,10 +105,10 @@ def test_steady_wave_reaches_its_accuracy(delivered):
 @pytest.mark.parametrize("quantity", ["gauges", "crest", "surface", "harmonics", "loads"])
 def test_each_quantity_covers_its_error(quantity, delivered, tmp_path):
     """Oracle: a run of order 5 on smaller cells."""
-    case, _ = paddle(cells=12, accuracy=0.3, accuracy_of=quantity)
+    case, _ = paddle(cells=12, vertical_order=8, accuracy=0.3, accuracy_of=quantity)
     run, said = delivered(case)
     assert f"accuracy of {quantity}, 30 % requested: reached" in said
-    fine = case.model_copy(update={"numerics": Numerics(order=5, cells=24, dt=0.01, vertical_order=8, tolerance=1e-9)})
+    fine = case.model_copy(update={"numerics": Numerics(order=5, cells=24, dt=0.01, vertical_order=10, tolerance=1e-9)})
     exact = wavetank.run(fine, tmp_path / "exact", quiet=True)
 
     def rms(record):
@@ -122,6 +124,8 @@ def test_each_quantity_covers_its_error(quantity, delivered, tmp_path):
     else:
         mine, true = run.gauges, exact.gauges.interp(time=run.gauges.time, method="cubic")
         error = max(rms(mine[n] - true[n]) / rms(true[n]) for n in range(2))
+        if quantity == "surface":  # of all positions, here of those of the gauges
+            error = rms(mine - true) / rms(true)
         if quantity == "crest":
             error = float(np.abs(mine.max("time") / true.max("time") - 1).max())
         if quantity == "harmonics":
@@ -158,7 +162,7 @@ def test_key_of_the_case_ends_the_sequence_with_its_name(delivered):
 
 
 def test_budget_ends_the_sequence_before_a_run_that_exceeds_it(delivered):
-    case, _ = steady(accuracy=2e-4, accuracy_of="gauges", order=3, vertical_order=9)
+    case, _ = steady(accuracy=2e-6, accuracy_of="gauges", order=3, vertical_order=9)
     run, said = delivered(case, budget=0.3)
     assert run.path.name == "run"
     assert re.search(r"not reached: a finer run needs about .* CPU s more, the budget is 0.3 CPU s", said)
@@ -168,7 +172,7 @@ def test_budget_of_no_run_is_refused_before_anything_is_written(tmp_path, waveta
     path = written(tmp_path / "case.toml", build_case(TANK, duration=600.0, wall=piston(1.5), gauges=GAUGES))
     out = tmp_path / "run"
     said = wavetank("run", str(path), "--budget", "0.1", "--out", str(out))
-    assert said.returncode == 2 and "--budget 0.1: the run needs about" in said.stderr and not out.exists()
+    assert said.returncode == 2 and "--budget 0.1: the coarsest run needs about" in said.stderr and not out.exists()
 
 
 def test_budget_does_not_change_keys_of_the_case(tmp_path, wavetank):

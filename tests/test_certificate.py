@@ -2,6 +2,7 @@
 
 import signal
 from importlib import import_module
+from itertools import product
 
 import numpy as np
 import pytest
@@ -14,12 +15,12 @@ from tanks import written
 
 from examples.paper.certificate import rows
 from examples.scenes import CLASSES, executed
-from wavetank.base.errors import BreakdownError, InputError
+from wavetank.base.errors import BreakdownError, InputError, StoppedError
 from wavetank.case.reading import read_case
 from wavetank.output.columns import STANDARD_ERROR, Variable, with_standard_error
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
-from wavetank.planning.companion import companion, companion_cases, needs_vertical_companion
+from wavetank.planning.companion import companion, companion_cases, grid_order, needs_vertical_companion
 from wavetank.planning.uncertainty import CompanionValues, Estimate, at_times, crests
 from wavetank.recording import record_run
 
@@ -39,34 +40,36 @@ def steady(steps, **numerics):
 
 def values_of(cases, t):
     """Return the values of the companions' gauge at the times of the run."""
-    runs = [one and executed(one).gauges for one in cases[:3]]
+    runs = [one and executed(one).gauges for one in cases]
     return CompanionValues(*(None if one is None else at_times(np.minimum(t, one[-1, 0]), *one.T) for one in runs))
 
 
 def uncertainty(case):
     """Return times, elevation, uncertainty of a run's gauge and its crests, by its companions."""
     run = executed(case)
-    cases = next(companion_cases(case, run.dt, run.limit))
+    cases = companion_cases(case, run.dt, run.limit)
     t, eta = run.gauges.T
     parts = Estimate.of(case, cases, run.dt).series(t, eta, values_of(cases, t))
     return t, eta, parts, crests(t, eta, parts)
 
 
 def test_uncertainty_covers_errors_of_a_steady_wave_and_decreases_with_fourth_order():
-    """Oracle: the exact wave of permanent form, its crest at x = 0 after each period."""
-    sizes, largest = [], []
-    for cells in (16, 24, 32):
-        case, wave = steady(8 * cells, cells=cells)
+    """On average over meshes, as the order varies. Oracle: the exact wave, its crest at x = 0 after a period."""
+    sizes, largest, covered, ratios, peak_covered = [], [], [], [], []
+    for order, cells in product((3, 4), (8, 12, 16, 20, 24, 28)):
+        case, wave = steady(8 * cells, cells=cells, order=order)
         t, eta, parts, peaks = uncertainty(case)
         error = np.abs(eta - wave.elevation(wave.crest - wave.speed * t))
-        assert np.mean(error <= parts.total) > 0.9
-        assert np.sqrt(np.mean(parts.total**2)) < 20 * np.sqrt(np.mean(error**2))
-        exact = np.pi / wave.speed
-        assert np.abs(peaks.time - exact) <= peaks.time_uncertainty
-        assert np.abs(peaks.height - wave.elevation(wave.crest)) <= peaks.height_uncertainty
+        covered.append(np.mean(error <= parts.total))
+        ratios.append(np.sqrt(np.mean(parts.total**2) / np.mean(error**2)))
+        off = np.abs(peaks.time - np.pi / wave.speed), np.abs(peaks.height - wave.elevation(wave.crest))
+        peak_covered.append(off[0] <= peaks.time_uncertainty)
+        peak_covered.append(off[1] <= peaks.height_uncertainty)
         sizes.append(1 / cells)
         largest.append(parts.total.max())
-    assert 3.5 < fitted_slope(sizes, largest) < 6
+    assert np.mean(covered) > 0.9 and np.mean(peak_covered) > 0.9
+    assert 1.5 < np.median(ratios) < 5
+    assert 3.5 < fitted_slope(sizes[6:], largest[6:]) < 6
 
 
 @pytest.mark.parametrize(
@@ -91,22 +94,37 @@ def test_crest_height_of_a_low_vertical_order_is_covered():
     assert (10 * np.abs(parts.difference).max() < error).all() and (error <= peaks.height_uncertainty).all()
 
 
-def test_order_of_the_grid_part_is_that_of_three_grids():
-    """Of errors C h^q; above the order of theory that of theory counts, and never less than 1."""
-    case, _ = steady(60, cells=16)
-    cases = next(companion_cases(case, 0.01, 1.0))
-    one = np.sin(np.linspace(0.0, 20.0, 400))
-    estimate = Estimate.of(case, cases, 0.01)
-    for order, expected in ((0.2, 1), (1, 1), (2.2, 2.2), (3, 3), (6, 3)):
-        coarse, coarser = (one * (1 + 1e-3 * ratio**order) for ratio in (2.0, 4.0))
-        factor = estimate.grid(one * (1 + 1e-3), CompanionValues(coarse, coarser))
-        assert factor == pytest.approx(1.25 / (2**expected - 1), rel=1e-6)
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_grid_error_has_the_order_of_its_estimate(order):
+    """It is p + 1, at most 4: errors on three meshes, and the estimate over the error. Oracle: the exact wave.
+
+    With p = 3 the order varies between 2 and 6 (docs/accuracy.md).
+    """
+    sizes, errors = [], []
+    for cells in {1: (72, 96, 144), 2: (16, 24, 32), 4: (8, 12, 16)}[order]:
+        case, wave = steady(600, cells=cells, order=order)
+        t, eta, parts, _ = uncertainty(case)
+        errors.append(np.sqrt(np.mean((eta - wave.elevation(wave.crest - wave.speed * t)) ** 2)))
+        assert 0.5 < np.sqrt(np.mean(parts.difference**2)) / errors[-1] < 5.0
+        sizes.append(1 / cells)
+    assert fitted_slope(sizes, errors) == pytest.approx(grid_order(order), abs=0.7)
+
+
+def test_grid_part_is_the_difference_by_the_order_and_the_safety_factor():
+    """Of errors C h^4: 1.25 times the error. By hand."""
+    case, _ = steady(60, cells=18)
+    cases = companion_cases(case, 0.01, 1.0)
+    t = np.linspace(0.0, 20.0, 400)
+    one = np.sin(t)
+    coarse = CompanionValues(one * (1 + 1e-3 * 1.5**4))
+    parts = Estimate.of(case, cases, 0.01).series(t, one * (1 + 1e-3), coarse)
+    np.testing.assert_allclose(parts.difference, 1.25e-3 * one, rtol=1e-6)
 
 
 def test_harmonics_have_the_uncertainty_of_their_complex_amplitudes():
     """By hand: a companion that differs by 1 % and 0.02 rad in the first harmonic, and a frequency error of 1e-4."""
     case, _ = steady(60, cells=16)
-    cases = next(companion_cases(case, 0.01, 1.0))
+    cases = companion_cases(case, 0.01, 1.0)
     t = np.arange(0.0, 20.0, 0.02)
 
     def record(size, phase):
@@ -115,12 +133,13 @@ def test_harmonics_have_the_uncertainty_of_their_complex_amplitudes():
     estimate, companions = Estimate.of(case, cases, 0.01), CompanionValues(record(1.01, 0.02))
     waves = estimate.harmonics(t, record(1.0, 0.0), companions, 2.0)
     np.testing.assert_allclose(waves.amplitude, [0.1, 0.01, 0.0], atol=1e-10)
-    grid = estimate.grid(record(1.0, 0.0), companions)
-    off = grid * 0.1 * np.abs(1.01 * np.exp(0.02j) - 1)
-    np.testing.assert_allclose(waves.amplitude_uncertainty, [off, 0.0, 0.0], rtol=1e-6, atol=1e-10)
+    off = 2 * estimate.grid * 0.1 * np.abs(1.01 * np.exp(0.02j) - 1)
+    iteration = 10 * case.numerics.tolerance * np.std(record(1.0, 0.0))
+    np.testing.assert_allclose(waves.amplitude_uncertainty, np.hypot([off, 0.0, 0.0], iteration), rtol=1e-6)
     frequency = np.hypot(*estimate.frequency_errors(t, record(1.0, 0.0)))
     assert frequency > 0
-    phases = np.hypot(off / 0.1, frequency * np.pi * t[-1]), frequency * 2 * np.pi * t[-1]
+    late = frequency * np.pi * t[-1] * np.array([1, 2])
+    phases = np.hypot(late, np.hypot([off, 0.0], iteration) / [0.1, 0.01])
     np.testing.assert_allclose(waves.phase_uncertainty[:2], phases, rtol=1e-6)
 
 
@@ -128,34 +147,32 @@ def test_gauge_of_low_waves_does_not_determine_the_relative_uncertainty():
     """The second gauge has 5 % of the waves of the first, and an uncertainty of 80 % of its own."""
     parts = xarray.DataArray([[0.001, 0.004]], {"part": ["grid"]}, ("part", "gauge"))
     rms = xarray.DataArray([0.1, 0.005], dims="gauge")
-    heights = {f"crest_{name}": (("gauge", "crest"), np.full((2, 1), np.nan)) for name in ("height", "time")}
-    data = xarray.Dataset({"part_rms": parts, "elevation_rms": rms} | heights)
+    crests = {"height": [[0.2], [0.005]], "height_uncertainty": [[0.004], [0.004]]}
+    data = xarray.Dataset({"part_rms": parts, "elevation_rms": rms})
+    data = data.assign({f"crest_{name}": (("gauge", "crest"), values) for name, values in crests.items()})
     certifying = import_module("wavetank.recording.certify")
-    assert dict(certifying._relative(data, None))["gauges"] == pytest.approx(0.01)
+    relative = dict(certifying._relative(data, None))
+    assert relative["gauges"] == pytest.approx(0.01) and relative["crest"] == pytest.approx(0.02)
 
 
-def test_companion_that_breaks_down_raises_the_safety_factor(path, tmp_path, monkeypatch):
+def test_companion_that_breaks_down_leaves_the_uncertainty_unresolved(path, tmp_path, monkeypatch):
     certifying = import_module("wavetank.recording.certify")
-    original, sizes = certifying.build_run, []
 
-    def breaking(case, comm):
-        sizes.append(case.cells)
-        if case.cells == 4:
-            raise BreakdownError("t = 1 s: a wave breaks")
-        return original(case, comm)
+    def breaking(*_):
+        raise BreakdownError("t = 1 s: a wave breaks")
 
-    recorded(path, (), tmp_path / "run")
     monkeypatch.setattr(certifying, "build_run", breaking)
-    recorded(path, (), tmp_path / "without")
-    with_order, without = (RunDirectory(tmp_path / name).certificate.part_rms for name in ("run", "without"))
-    assert sizes[-1] == 4 and float((without / with_order).sel(part="grid").max()) > 1.2
+    recorded(path, (), tmp_path / "run")
+    run = RunDirectory(tmp_path / "run")
+    assert run.status == "finished"
+    assert run.manifest["certificate"]["reason"] == "the companion run fails: t = 1 s: a wave breaks"
 
 
 def test_shapes_with_kinks_and_low_orders_need_a_vertical_companion():
     flap = {"type": "flap", "hinge": 0.5, "motion": WALL["motion"]}
     orders = {"fine": (WALL, 8, False), "low": (WALL, 2, True), "hinged": (flap, 8, True)}
     for name, (wall, n, needed) in orders.items():
-        case = build_case(TANK, duration=4.0, wall=wall, numerics=QUICK | {"vertical_order": n})
+        case = build_case(TANK, duration=4.0, wall=wall, gauges=[1.0], numerics=QUICK | {"vertical_order": n})
         assert needs_vertical_companion(case) is needed, name
 
 
@@ -253,10 +270,9 @@ def test_certificate_is_that_of_one_rank_on_several(path, recorded_on_ranks):
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ("gauges=[]", "the case has no gauge"),
         ("run.duration=0.5", "the gauges have 11 rows: at least 16 are needed"),
         ("numerics.cells=2", "the cells or the time step are too coarse"),
-        ("numerics.cells=5 numerics.order=2", "the uncertainty exceeds 30% of the waves"),
+        ("numerics.cells=5 numerics.order=1", "the cells or the time step are too coarse"),
     ],
 )
 def test_unresolved_uncertainty_is_stated_with_its_reason(path, tmp_path, change, reason):
@@ -266,19 +282,19 @@ def test_unresolved_uncertainty_is_stated_with_its_reason(path, tmp_path, change
     assert reason in (run.path / "run.log").read_text() and not (run.path / "certificate.nc").exists()
 
 
-def test_companion_has_half_the_cells_and_no_records_but_gauges_and_loads(path):
+def test_companion_has_two_thirds_of_the_cells_and_no_records_but_gauges_and_loads(path):
     more = ["windows=[{name='w', start=[1, 0], every=1}]", "probes=[{x=1.0, z=-0.5}]", "loads=[{on='far wall'}]"]
     case = read_case(path, more)
     coarse = companion(case, 0.05, 0.1)
-    assert coarse.cells == 8 and coarse.loads and coarse.all_gauges and not coarse.probes and not coarse.windows
-    assert coarse.numerics.dt == 0.1
+    assert coarse.cells == 10 and coarse.loads and coarse.all_gauges and not coarse.probes and not coarse.windows
+    assert coarse.numerics.dt == pytest.approx(0.075)
 
 
-def test_companion_step_is_nine_tenths_of_its_own_stability_limit_if_twice_the_step_is_longer():
+def test_companion_step_is_nine_tenths_of_its_own_stability_limit_if_a_longer_one_is_unstable():
     case, _ = steady(56, cells=16)
     run = executed(case)
     coarse = executed(companion(case, run.dt, run.limit))
-    assert run.dt < coarse.dt < 2 * run.dt
+    assert run.dt < coarse.dt < 1.5 * run.dt
     assert coarse.dt == pytest.approx(0.9 * coarse.limit, rel=0.05)
 
 
@@ -289,10 +305,8 @@ def test_companion_of_a_mesh_that_cannot_be_coarser_has_an_order_less(tank):
     case = steady(20, cells=3)[0] if tank == "ring" else build_case(tank, numerics={"order": 3, "dt": 0.02})
     coarse = companion(case, 0.02, 1.0)
     assert coarse.numerics.order == 2 and coarse.cell_size == case.cell_size
-    cases = next(companion_cases(case, 0.02, 1.0))
-    assert cases.coarser is None and cases.safety == 1.5
-    one = np.sin(np.linspace(0.0, 20.0, 400))
-    assert Estimate.of(case, cases, 0.02).grid(one, CompanionValues(0.9 * one)) == pytest.approx(0.5)
+    cases = companion_cases(case, 0.02, 1.0)
+    assert Estimate.of(case, cases, 0.02).grid == pytest.approx(1.25 / 3)
     lowest = case.model_copy(update={"numerics": case.numerics.model_copy(update={"order": 1})})
     with pytest.raises(InputError, match="the mesh cannot be coarser, and the order is 1"):
         companion(lowest, 0.02, 1.0)
@@ -358,7 +372,7 @@ def test_crests_of_coarse_samples_are_left_out(path, tmp_path):
     assert data.elevation_uncertainty.notnull().all() and not data.crest_height.notnull().any()
 
 
-def test_signal_during_the_companion_ends_it_and_keeps_the_finished_run(path, tmp_path, monkeypatch):
+def test_signal_during_the_companion_ends_the_run_which_is_certified_on_resume(path, tmp_path, monkeypatch, wavetank):
     certifying = import_module("wavetank.recording.certify")
     original = certifying.companion_cases
 
@@ -366,7 +380,44 @@ def test_signal_during_the_companion_ends_it_and_keeps_the_finished_run(path, tm
         signal.raise_signal(signal.SIGTERM)
         return original(*arguments)
 
-    monkeypatch.setattr(certifying, "companion_cases", then_stopped)
-    recorded(path, (), tmp_path / "run")
+    with monkeypatch.context() as patch, pytest.raises(StoppedError, match="companion run: .*interrupted by SIGTERM"):
+        patch.setattr(certifying, "companion_cases", then_stopped)
+        recorded(path, (), tmp_path / "run")
+    recorded(path, ("numerics.certify=false",), tmp_path / "complete")
+    run, complete = (RunDirectory(tmp_path / name) for name in ("run", "complete"))
+    assert run.status == "stopped"
+    np.testing.assert_array_equal(run.gauges, complete.gauges)
+    assert wavetank("resume", str(run.path)).returncode == 0
+    run = RunDirectory(run.path)
+    assert run.status == "finished" and run.manifest["certificate"]["resolved"]
+    np.testing.assert_array_equal(run.gauges, complete.gauges)
+
+
+def test_uncertainty_of_the_last_samples_is_that_of_the_common_record(path, tmp_path):
+    """The last step of the run ends after that of the companion; the companion's last value is no sample there."""
+    recorded(path, ("numerics.dt=0.0613",), tmp_path / "run")
+    u = RunDirectory(tmp_path / "run").certificate.elevation_uncertainty
+    assert u.time.values[-1] > 4.02 and u.notnull().all()
+    last, before = u.sel(time=slice(3.3, None)), u.sel(time=slice(2.0, 3.2))
+    assert (last.max("time") < 3 * before.max("time")).all()
+
+
+def test_harmonics_of_few_samples_are_omitted(path, tmp_path):
+    recorded(path, ("output.gauges_every=6", "run.duration=6"), tmp_path / "run")
     run = RunDirectory(tmp_path / "run")
-    assert run.status == "finished" and "interrupted by SIGTERM" in run.manifest["certificate"]["reason"]
+    assert run.manifest["certificate"]["resolved"] and "harmonic_amplitude" not in run.certificate
+
+
+def test_surface_of_a_resumed_run_has_no_uncertainty(path, tmp_path, wavetank):
+    """Only the later part is in memory."""
+    out = tmp_path / "run"
+    recorded(path, ('numerics.accuracy_of="surface"',), out)
+    assert "surface" in RunDirectory(out).manifest["certificate"]["relative"]
+    assert wavetank("resume", str(out), "--extend", "0.1").returncode == 0
+    certificate = RunDirectory(out).manifest["certificate"]
+    assert certificate["resolved"] and "surface" not in certificate["relative"]
+
+
+def test_certificate_needs_a_gauge():
+    with pytest.raises(ValueError, match="numerics.certify = true: needs a gauge"):
+        build_case(TANK, wall=WALL, numerics=QUICK)

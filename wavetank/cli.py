@@ -226,6 +226,7 @@ VERIFICATIONS = {  # module of ``examples.paper`` that writes tables and figures
     "directional_focus": "Compare directional waves with linear theory.",
     "certificate": "Compare numerical uncertainties with errors; minutes.",
     "delivery": "Compare requested accuracies with errors; minutes.",
+    "trade": "Compare predicted errors and costs with runs; minutes.",
     "layouts": "Draw the layouts of basins; seconds.",
 }
 
@@ -238,7 +239,9 @@ def _add_verification(name: str, meaning: str) -> None:
             Path | None, typer.Option(help=f"output folder; default runs/{shown}, with a number if it exists")
         ] = None,
         overwrite: Annotated[bool, typer.Option("--overwrite", help=OVERWRITE)] = False,
-        seed: Annotated[int, typer.Option(help="seed of the first random case, of a certificate only", min=0)] = 0,
+        seed: Annotated[
+            int, typer.Option(help="seed of the first random case (certificate, delivery, trade)", min=0)
+        ] = 0,
     ) -> None:
         if not (CHECKOUT / "examples" / "paper").is_dir():
             raise InputError("verify needs a checkout of the project: examples/paper is not installed.")

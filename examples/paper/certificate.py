@@ -5,7 +5,6 @@ last is the actual error.
 """
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +19,6 @@ from wavetank.planning.plan import planned
 from wavetank.planning.uncertainty import (
     CompanionValues,
     Estimate,
-    TooCoarseError,
     at_times,
     crests,
     crests_about,
@@ -67,18 +65,14 @@ def rows(kind: str, seed: int) -> Iterator[Row]:
         exact = executed(refined(case, run.dt))
     except WavetankError:  # a wave breaks
         return
-    for cases in companion_cases(case, run.dt, run.limit):
-        try:
-            runs = [one and executed(one) for one in cases[:3]]
-        except WavetankError:
-            return
+    cases = companion_cases(case, run.dt, run.limit)
+    try:
+        runs = [one and executed(one) for one in cases]
         used = [one for one in runs if one]
         t, *values = run.gauges[run.gauges[:, 0] <= min(one.gauges[-1, 0] for one in (run, exact, *used)) + 1e-9].T
         companions, estimate = CompanionValues(*(one and _at(t, one) for one in runs)), Estimate.of(case, cases, run.dt)
-        with suppress(TooCoarseError):
-            several = gauge_uncertainties(t, np.array(values), companions, estimate)
-            break
-    else:
+        several = gauge_uncertainties(t, np.array(values), companions, estimate)
+    except WavetankError:
         return
     errors = estimate.frequency_errors(t, values[0] - values[0].mean())
     tables = [

@@ -66,8 +66,8 @@ def row(kind: str, seed: int, accuracy: float) -> Row | None:
             final = _explicit(stored_case(last.path), last)
             exact = executed(refined(final, numerics["dt"]))
             default = executed(planned(case, MPI.COMM_SELF).case)
-            error = _error(last.gauges.time.values, last.gauges.values, exact)
-            default_error = _error(default.gauges[:, 0], default.gauges[:, 1:].T, exact)
+            error = gauge_error(last.gauges.time.values, last.gauges.values, exact)
+            default_error = gauge_error(default.gauges[:, 0], default.gauges[:, 1:].T, exact)
         except WavetankError:
             return None
         figures = [run.manifest for run in runs]
@@ -79,7 +79,7 @@ def row(kind: str, seed: int, accuracy: float) -> Row | None:
             coarse = executed(companion(final, numerics["dt"], limit, float(ratio)))
         except WavetankError:
             break
-        if _error(coarse.gauges[:, 0], coarse.gauges[:, 1:].T, exact) > accuracy:
+        if gauge_error(coarse.gauges[:, 0], coarse.gauges[:, 1:].T, exact) > accuracy:
             break
         cheapest = min(cheapest, coarse.cpu)
     stated = figures[-1]["certificate"].get("relative", {}).get("gauges", np.nan)
@@ -96,7 +96,7 @@ def _explicit(case: Case, run: RunDirectory) -> Case:
     return Case.model_validate(case.model_dump(mode="json") | planned_part) if planned_part else case
 
 
-def _error(t: Vector, values: Vector, exact: Recorded) -> float:
+def gauge_error(t: Vector, values: Vector, exact: Recorded) -> float:
     """Return the largest relative root mean square difference of gauges."""
     common = t <= exact.gauges[-1, 0]
     actual = at_times(t[common], exact.gauges[:, 0], exact.gauges[:, 1:]).T

@@ -117,6 +117,8 @@ class Numerics(CaseModel):
             along, fewest = not isinstance(end.tank, BasinTank), end.tank.fewest_cells
             yield "cells", along, "must be left out: numerics.cell_size is a basin's key"
             yield "cells", self.cells >= fewest, f"must be at least {fewest} in a {end.tank.type}"
+        if self.certify:
+            yield "certify", bool(end.case.all_gauges), "needs a gauge"
         if self.accuracy_of is not None:
             yield "accuracy_of", bool(end.case.all_gauges), "needs a gauge"
             missing = {

@@ -23,6 +23,12 @@ def plan(
         float | None,
         typer.Option(help="relative error of the elevation; default: the case's numerics.accuracy, or 0.01"),
     ] = None,
+    trade: Annotated[
+        bool, typer.Option("--trade", help="measure error over CPU time with two runs on larger cells, and draw it")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option(help="file of the picture (--trade), never over another; default: CASE-trade.png")
+    ] = None,
     overrides: Overrides = None,
 ) -> None:
     """Print what a case requires, and the cheapest numerics for it.
@@ -31,9 +37,18 @@ def plan(
     of the case are compared with the proposed ones. A case that sets no numerics runs with the plan. For basins, tanks
     over a bed and initial states by formula there is no plan: some steps are run, also under mpirun, and timed.
     """
+    from wavetank.base.errors import InputError
     from wavetank.planning.report import report
+    from wavetank.planning.trade_report import report_trade
 
-    report(case, accuracy, overrides or [])
+    if trade and accuracy is not None:
+        raise InputError("--trade and --accuracy exclude each other: it has several accuracies")
+    if out is not None and not trade:
+        raise InputError("--out: needs --trade, whose picture it names")
+    if trade:
+        report_trade(case, overrides or [], out)
+    else:
+        report(case, accuracy, overrides or [])
 
 
 def motion(

@@ -1,55 +1,37 @@
-"""The companions of a run: the same case with larger cells and a longer time step.
+"""The companion of a run: the same case with cells of 1.5 times the size and a longer time step.
 
-Cells are two and four times as large: three solutions show the order of the error. If the first difference is too large
-to estimate an error, the only companion has cells of 1.4 times the size. Meshes of files, and rings of a few cells,
-have a companion whose order is one less.
+The grid error decreases with order p + 1, at most 4: the difference of both runs gives its size (``uncertainty.py``).
+Meshes of files, and rings of a few cells, have a companion whose order is one less.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 from wavetank.base.errors import InputError
 from wavetank.case import BasinTank, Case
 from wavetank.planning.resolution import shortest_wave, still_mesh, vertical_order_for
 
-RATIO, COARSER, FINER = 2.0, 4.0, 1.4  # sizes of cells, and time steps, over those of the run
+RATIO = 1.5  # size of the cells, and time step, over those of the run
 LEAST_RATIO = 1.25  # least ratio of the sizes of cells of two runs
-ORDERS = 1, 4  # least and largest order of the grid error
-OBSERVED, ASSUMED, UNKNOWN = 1.25, 1.5, 3.0  # safety factors: the order is observed, assumed, contradicted
+HIGHEST_ORDER = 4  # of the grid error
 MARGIN = 0.9  # largest time step over the stability limit
 
 
 class CompanionCases(NamedTuple):
-    """Companions of a run.
-
-    Attributes
-    ----------
-    coarse, coarser
-        Cases with larger cells, the second with the largest; None if the order of the error is not observed.
-    lower
-        The first with a vertical order less; None if linear theory is sufficient.
-    safety
-        Factor of the uncertainty over the error that follows from the differences.
-    """
+    """Companions of a run: with larger cells; also with a vertical order less, None if linear theory is sufficient."""
 
     coarse: Case
-    coarser: Case | None
     lower: Case | None
-    safety: float
 
 
-def companion_cases(case: Case, dt: float, limit: float) -> Iterator[CompanionCases]:
-    """Yield the companions of a run, and others for a run from which these differ too much.
+def companion_cases(case: Case, dt: float, limit: float) -> CompanionCases:
+    """Return the companions of a run; has the parameters and errors of ``companion``."""
+    coarse = companion(case, dt, limit)
+    return CompanionCases(coarse, vertical_companion(coarse) if needs_vertical_companion(case) else None)
 
-    Raises ``InputError`` as ``companion``, which has the parameters.
-    """
-    coarse, coarser = (companion(case, dt, limit, ratio) for ratio in (RATIO, COARSER))
-    same_order = coarser.numerics.order == case.numerics.order
-    observed = same_order and coarser.cell_size > LEAST_RATIO * coarse.cell_size
-    lower = vertical_companion(coarse) if needs_vertical_companion(case) else None
-    yield CompanionCases(coarse, coarser if observed else None, lower, OBSERVED if observed else ASSUMED)
-    finer = companion(case, dt, limit, FINER)
-    yield CompanionCases(finer, None, vertical_companion(finer) if lower else None, UNKNOWN)
+
+def grid_order(order: int) -> int:
+    """Return the order of the grid error of elements of an order p: p + 1, at most 4 (docs/accuracy.md)."""
+    return min(order + 1, HIGHEST_ORDER)
 
 
 def needs_vertical_companion(case: Case) -> bool:

@@ -15,7 +15,7 @@ from wavetank.base.errors import InputError
 from wavetank.case import BasinTank, Case, Numerics
 from wavetank.case.numerics import HIGHEST_ORDER, HIGHEST_VERTICAL_ORDER
 from wavetank.integrators import INTEGRATORS
-from wavetank.planning.companion import ORDERS, has_kinks
+from wavetank.planning.companion import grid_order, has_kinks
 from wavetank.planning.dispersion import relative_frequency_error
 from wavetank.planning.plan import largest_step_under_crests
 from wavetank.planning.requirements import unplanned
@@ -55,7 +55,7 @@ def finer(case: Case, dt: float, parts: Mapping[str, float], target: float, requ
             key = f"numerics.{named[0]} = {getattr(requested, named[0])}"
             raise InputError(f"{key} causes an uncertainty of {parts[part]:.2g} ({part}): it must be left out")
     grid, scheme = factors.get("grid", 1.0), INTEGRATORS[case.numerics.integrator]()
-    numerics = refined_grid(case, dt, grid ** (1.0 / min(case.numerics.order, ORDERS[1])))
+    numerics = refined_grid(case, dt, grid ** (1.0 / grid_order(case.numerics.order)))
     longest = dt / min(factors.get("time step", 1.0) ** (1.0 / scheme.order), MAX_RATIO)
     changes: dict[str, Any] = {"dt": min(longest, numerics.dt or longest)}
     changes["vertical_order"] = _vertical_order(case, factors.get("parameters", 1.0))
@@ -66,35 +66,37 @@ def finer(case: Case, dt: float, parts: Mapping[str, float], target: float, requ
 def refined_grid(case: Case, dt: float, ratio: float) -> Numerics:
     """Return numerics of a run with cells smaller by a ratio, at most ``MAX_RATIO``, and a step as stable as dt [s].
 
-    A mesh of a file has an order more.
+    Below 1 the cells are larger, and the step at most as much longer. A mesh of a file has an order more or less.
     """
     numerics, tank, ratio = case.numerics, case.tank, min(ratio, MAX_RATIO)
     if case.on_mesh_file:
-        changes: dict[str, Any] = {"order": min(numerics.order + (ratio > 1.0), HIGHEST_ORDER)}
-        size = case.cell_size
+        order = numerics.order + (ratio > 1.0) - (ratio < 1.0)
+        size, changes = case.cell_size, dict[str, Any](order=min(max(order, 1), HIGHEST_ORDER))
     elif isinstance(tank, BasinTank):
         size = case.cell_size / ratio
         changes = {"cell_size": size, "cells": None}
     else:
-        cells = ceil(case.cells * ratio - 1e-9)
+        cells = max(tank.fewest_cells, ceil(case.cells * ratio - 1e-9))
         size, changes = tank.length / cells, {"cells": cells, "cell_size": None}
     fine = case.model_copy(update={"numerics": numerics.model_copy(update=changes)})
-    pair = (case, case.cell_size), (fine, size)
-    changes["dt"] = dt * min(1.0, _step_limit(*pair[1]) / _step_limit(*pair[0]))
+    longer = min(theirs / ours for theirs, ours in zip(_step_limits(fine, size), _step_limits(case), strict=True))
+    changes["dt"] = dt * min(max(1.0, 1.0 / ratio), longer)
     return numerics.model_copy(update=changes)
 
 
-def _step_limit(case: Case, size: float) -> float:
-    """Return the limit of the time step [s] on cells of a size [m], up to a factor.
+def _step_limits(case: Case, size: float | None = None) -> tuple[float, float]:
+    """Return the limits of the time step [s] on still water and under crests, up to a factor; default: its cells.
 
     In cases without a plan the current under the crests is unknown: the limit of steep waves decreases with the cells.
     """
-    scheme = INTEGRATORS[case.numerics.integrator]()
+    size = case.cell_size if size is None else size
+    still = 1.0 / still_mesh(case, size).largest_frequency
+    if case.physics == "linear":
+        return still, still
     if unplanned(case) is None:
         with suppress(InputError):
-            return largest_step_under_crests(case, scheme)
-    still = 1.0 / still_mesh(case, size).largest_frequency
-    return still if case.physics == "linear" else size / case.numerics.order
+            return still, largest_step_under_crests(case, INTEGRATORS[case.numerics.integrator]())
+    return still, size / case.numerics.order
 
 
 def _vertical_order(case: Case, factor: float) -> int:

@@ -63,8 +63,7 @@ def _report_trial(given: Case, why: str, terminal: Console) -> None:
     duration = clock.steps * step + below  # estimate for each rank, with equal cost of all steps
     lines = (
         str(shortest_wave(given)),
-        "predicted error: none, as errors are predicted for slices and rings with a flat bed; `wavetank study` with "
-        "--sweep of cell_size and dt measures it",
+        "predicted error: none, as theory predicts that of slices and rings with a flat bed; --trade measures it",
         f"a step: {step:.2g} CPU s on {ranks_text(comm.size)}, {solves:.1f} interior solves",
         output_cost(case, clock.dt).message(below / duration),
         f"the run: {format_duration(duration)}, on as many free cores",

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -15,7 +15,7 @@ from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.records import Memory, Records
-from wavetank.simulation.run import Run
+from wavetank.simulation.run import FEW, Run
 from wavetank.waves import airy
 
 MAX_STEEPNESS = 0.2  # largest k a, and a over the depth: higher waves may break
@@ -35,7 +35,8 @@ class TimedSteps(NamedTuple):
     step, solves
         Largest CPU time of a rank [s] and number of interior solves per step.
     below
-        Estimated CPU time of records below the surface [s], which the steps do not contain.
+        Estimated CPU time of records below the surface that the steps do not contain [s]: windows, velocity fields,
+        and rare rows of loads and probes.
     """
 
     run: Run
@@ -51,14 +52,18 @@ def time_steps(case: Case, comm: MPI.Comm) -> TimedSteps:
     continuing = case.model_copy(update={"run": case.run.model_copy(update={"on_breaking": "dissipate"})})
     run, waves = build_run(continuing, comm)
     clock, steps = run.clock, min(run.clock.steps, WARM_UP + STEPS)
-    run.diagnostics += build_observers(case, waves, Records(Memory(), Memory(), None), sinks=run.sinks)
+    timed = case.output.probes_every <= STEPS // 4
+    more: dict[str, Any] = {name: Memory() for name in ("loads", "probes") if timed and getattr(case, name)}
+    records = Records(Memory(), Memory(), None)._replace(**more)
+    run.diagnostics += build_observers(case, waves, records, sinks=run.sinks)
     _fill(run, case, waves, steps)
     spent, solves = step_time(run, steps, lambda: waves.potential.counters.solves)
     step, plane = comm.allreduce(spent, op=MPI.MAX), waves.plane
     run.clock = clock
     row = row_cost(entries_of(plane.order, plane.cells, waves.vertical.n))
     row = ROW_OF_STEP * step if isinstance(case.tank, BasinTank) else row
-    return TimedSteps(run, waves, clock, step, solves, output_cost(case, clock.dt).cpu(row))
+    below = output_cost(case.model_copy(update=dict.fromkeys(more, ())), clock.dt).cpu(row)
+    return TimedSteps(run, waves, clock, step, solves, below)
 
 
 def step_time(run: Run, steps: int = WARM_UP + STEPS, count: Callable[[], int] = lambda: 0) -> tuple[float, float]:
@@ -68,9 +73,9 @@ def step_time(run: Run, steps: int = WARM_UP + STEPS, count: Callable[[], int] =
     run.clock = replace(run.clock, steps=warm_up)
     run.execute()
     start = time.process_time(), count()
-    for n in range(1, timed + 1):  # one block, as for most steps of a run; motions are already tabulated
+    for n in range(1, timed + 1):  # motions are already tabulated
         run.advance(run.t, run.t + run.clock.dt)
-        if n == timed or n % run.longest_block == 0:
+        if n == timed or n % min(run.longest_block, FEW) == 0:  # no block has more rows
             run.flush()
     end = time.process_time(), count()
     return (end[0] - start[0]) / timed, (end[1] - start[1]) / timed

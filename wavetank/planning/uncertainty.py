@@ -2,22 +2,17 @@
 
 The parts are those of ITTC 7.5-03-01-01, U² = U_I² + U_G² + U_T² + U_P², each at a confidence of 95 %:
 
-    grid        U_G = k max |S_2 - S| / (r^q - 1)      r: size of the companion's cells over that of the run's
+    grid        U_G = k max |S_c - S| / (r^q - 1)      r: size of the companion's cells over that of the run's
     time step   U_T = t max |dS/dt| e_T                e_T: relative frequency error of the scheme
     parameters  U_P = t max |dS/dt| e_P                e_P: that of the vertical order
     iteration   U_I = 10 tolerance S_rms
 
-max is the largest value within half a period on both sides. The order q is that of the differences of three runs,
-q = log(|S_4 - S_2| / |S_2 - S|) / log 2 by root mean squares over the record, at least 1 and at most p or 4. Products
-of waves are represented with order p + 1, but harmonics resonate with branches of the mesh: the order of p = 3 between
-fine meshes varies from 2 to 6, that of p = 4 and 5 is about 4 (docs/accuracy.md).
-The companion's time step is longer, so that S_2 - S contains up to fifteen times the error of the time step, which U_T
-estimates by linear theory: no wave in a record is older than the run. Frequency errors are means over the waves around
-the mean frequency, weighted with the energy of dS/dt. With a companion of a vertical order less, S_v, U_P is at least
-1.5 max |S_v - S_2|: the order changes forms and amplitudes, too.
-
-k is 1.25, Roache's factor for three grids; 1.5 if the order is not observed, 3 if that of theory is contradicted
-(``companion.py``).
+max is the largest value within half a period on both sides, q = min(p + 1, 4), k = 1.25: in random cases and over
+bars it covers 95 % of the errors (docs/accuracy.md).
+The companion's time step is longer, so that S_c - S contains more than the error of the time step, which U_T estimates
+by linear theory: no wave in a record is older than the run. Frequency errors are means over the waves around the mean
+frequency, weighted with the energy of dS/dt. With a companion of a vertical order less, S_v, U_P is at least
+0.75 max |S_v - S_c|: the order changes forms and amplitudes, too.
 """
 
 from collections.abc import Iterator
@@ -34,17 +29,19 @@ from wavetank.base.arrays import Vector
 from wavetank.base.errors import WavetankError
 from wavetank.case import Case
 from wavetank.integrators import INTEGRATORS
-from wavetank.planning.companion import ORDERS, CompanionCases
+from wavetank.planning.companion import CompanionCases, grid_order
 from wavetank.planning.dispersion import Mesh, UniformCells, step_errors
 from wavetank.waves import airy
 
+SAFETY = 1.25  # k
 LOWER_ORDER = 2.0, 2  # ratio and order that give the grid error of a companion with an order less
 ITERATION = 10.0  # error of the solves over their tolerance
-VERTICAL = 1.5  # uncertainty over the difference of a companion with a vertical order less
+VERTICAL = 0.75  # uncertainty over the difference of a companion with a vertical order less
 BAND = 0.3, 1.6  # frequencies of free waves over the mean frequency
 PARTS = "grid", "time step", "parameters", "iteration"
 LARGE = 0.3  # largest rms of a difference or an uncertainty over that of the elevation
 TIMES = 1.7  # further factor of the uncertainty of a crest's time
+AMPLITUDES = 2.0  # further factor of the uncertainty of an amplitude, whose difference may vanish
 SHORT = 3.0  # frequency of iteration errors over that of the waves
 AT_REST = 1e-10  # elevation [m]
 FEWEST_SAMPLES = 16  # samples in a period, of which crests are interpolated
@@ -99,7 +96,6 @@ class CompanionValues(NamedTuple):
     """Values of the companions at the times of the run, shape (T,) or (N, T), as the cases of ``CompanionCases``."""
 
     coarse: Vector
-    coarser: Vector | None = None
     lower: Vector | None = None
 
     def each(self) -> "Iterator[CompanionValues]":
@@ -113,22 +109,15 @@ class Estimate(NamedTuple):
 
     Attributes
     ----------
-    safety
-        k.
-    ratio, coarser_ratio
-        Size of the cells of the first companion over that of the run, and of the second over that of the first.
-    order
-        Largest q.
+    grid
+        U_G over the difference from the companion, k / (r^q - 1).
     dt, vertical_order, scheme, tolerance
         Those of the run.
     depth, gravity
         Those of the tank [m, m/s²].
     """
 
-    safety: float
-    ratio: float
-    coarser_ratio: float
-    order: int
+    grid: float
     dt: float
     vertical_order: int
     scheme: str
@@ -140,14 +129,11 @@ class Estimate(NamedTuple):
     def of(cls, case: Case, companions: CompanionCases, dt: float) -> "Estimate":
         """Return the estimate for a case, its companions and the time step of the run [s]."""
         numerics, tank, coarse = case.numerics, case.tank, companions.coarse
-        ratio, order = coarse.cell_size / case.cell_size, min(numerics.order, ORDERS[1])
+        ratio, order = coarse.cell_size / case.cell_size, grid_order(numerics.order)
         if coarse.numerics.order < numerics.order:
             ratio, order = LOWER_ORDER
         return cls(
-            safety=companions.safety,
-            ratio=ratio,
-            coarser_ratio=(companions.coarser or coarse).cell_size / coarse.cell_size,
-            order=order,
+            grid=SAFETY / (ratio**order - 1.0),
             dt=dt,
             vertical_order=numerics.vertical_order,
             scheme=numerics.integrator,
@@ -155,17 +141,6 @@ class Estimate(NamedTuple):
             depth=tank.depth,
             gravity=tank.gravity,
         )
-
-    def grid(self, values: Vector, companions: CompanionValues) -> float:
-        """Return U_G of a record over its difference from the first companion."""
-        order = float(self.order)
-        if companions.coarser is not None:
-            first, second = (
-                float(np.std(one)) for one in (companions.coarse - values, companions.coarser - companions.coarse)
-            )
-            observed = np.log(max(second, AT_REST) / max(first, AT_REST)) / np.log(self.coarser_ratio)
-            order = float(np.clip(observed, ORDERS[0], order))
-        return float(self.safety / (self.ratio**order - 1.0))
 
     def series(
         self, t: Vector, values: Vector, companions: CompanionValues, errors: tuple[float, float] | None = None
@@ -180,7 +155,7 @@ class Estimate(NamedTuple):
         if errors is None:
             errors = self.frequency_errors(t, variation)
         iteration = np.full(t.size, ITERATION * self.tolerance * np.sqrt(np.mean(variation**2)))
-        difference = self.grid(values, companions) * (companions.coarse - values)
+        difference = self.grid * (companions.coarse - values)
         grid, time_step, parameters = _around(difference, width), errors[0] * rate, errors[1] * rate
         lower = 0 * grid
         if companions.lower is not None:
@@ -206,7 +181,7 @@ class Estimate(NamedTuple):
             return np.asarray(harmonics(last, 1 / period, number=HARMONICS).component.values)
 
         own, theirs = of(values), of(companions.coarse)
-        off = self.grid(values, companions) * np.abs(theirs - own)
+        off = np.hypot(AMPLITUDES * self.grid * np.abs(theirs - own), ITERATION * self.tolerance * np.std(values))
         if companions.lower is not None:
             off = np.hypot(off, VERTICAL * np.abs(of(companions.lower) - theirs))
         rate = np.arange(1, HARMONICS + 1) * 2 * np.pi / period

@@ -8,6 +8,7 @@ exceed it.
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,11 +18,13 @@ from rich.console import Console
 
 from wavetank.base.errors import InputError, RunError
 from wavetank.case import Case, Numerics
+from wavetank.output.directory import LOG
 from wavetank.output.files import OutputPath
 from wavetank.planning.companion import companion
 from wavetank.planning.cost import needs_of
 from wavetank.planning.plan import planned
-from wavetank.planning.refinement import finer, refined_grid
+from wavetank.planning.refinement import MAX_RATIO, finer, refined_grid
+from wavetank.planning.requirements import unplanned
 from wavetank.planning.resolution import DEFAULT
 from wavetank.planning.timing import time_steps
 from wavetank.recording import record_run
@@ -32,7 +35,9 @@ if TYPE_CHECKING:
 
 MAX_RUNS = 3
 COARSE = 2.0  # ratio of cells after a run whose uncertainty is not resolved
-COMPANION = 1.45  # CPU time of a run with its companion over that of its steps
+COMPANION = 1.6  # CPU time of a run with its companion over that of its steps
+FIRST = 1 / 3  # predicted error of the first run over the accuracy: the uncertainty is 2.6 times the error
+GRID = {"cells", "cell_size", "order", "dt"}  # keys that determine the grid
 RATIOS = np.geomspace(1.1, 4.0, 16)  # sizes of cells over those of the plan within a budget
 
 
@@ -46,7 +51,7 @@ def record_to_accuracy(
     resume: bool = False,
     **options: Any,
 ) -> Path:
-    """Run a case, until its accuracy is reached if it requests that of a quantity; return the last run's directory.
+    """Run a case, until its accuracy is reached if it requests that of a quantity; return the best run's directory.
 
     Collective. A resumed run is not repeated. Raises the errors of ``record_run``, which takes the other options, and
     ``InputError`` if no run is possible within the budget. A failure of a later run leaves the earlier ones.
@@ -63,11 +68,16 @@ def record_to_accuracy(
     options |= {"comm": comm, "console": console, "resume": resume}
     if resume or case.numerics.accuracy_of is None and budget is None:
         return record_run(case, place, **options)[0]
+    if not case.all_gauges:
+        raise InputError("--budget: the case needs a gauge, whose uncertainty it limits")
     accuracy, quantity = case.numerics.accuracy or DEFAULT, case.numerics.accuracy_of or "gauges"
     start, results = time.process_time(), list["Certificate"]()
     attempt = case.model_copy(update={"numerics": case.numerics.model_copy(update={"accuracy_of": quantity})})
     if budget is not None:
         attempt = _within(attempt, comm, budget)
+    elif unplanned(case) and not case.on_mesh_file and not GRID & case.numerics.model_fields_set:
+        with suppress(RunError), console.status("pilot runs"):
+            attempt = _measured_start(attempt, comm, accuracy)
     spent = comm.allreduce(time.process_time() - start)
     while True:
         try:
@@ -95,10 +105,28 @@ def record_to_accuracy(
             f"{_stated(result, quantity)} exceeds {100 * accuracy:.3g} %: running with {_changes(result, numerics)}"
         )
         console.print(changes, highlight=False)
-        place = OutputPath(results[0].path, numbered=True)
-    console.print(f"accuracy of {quantity}, {100 * accuracy:.3g} % requested: {outcome}", highlight=False)
-    console.print(f"{_stated(result, quantity)}: {result.path}; {spent:.3g} CPU s in all", highlight=False)
-    return result.path
+        first, overwrite = results[0].path, place.overwrite
+        later = first.with_name(f"{first.name}-{len(results) + 1}") if overwrite else first
+        place = OutputPath(later, numbered=not overwrite, overwrite=overwrite)
+    best = min(results, key=lambda one: one.relative.get(quantity, np.inf))
+    lines = [
+        f"accuracy of {quantity}, {100 * accuracy:.3g} % requested: {outcome}",
+        f"{_stated(best, quantity)}: {best.path}; {spent:.3g} CPU s in all",
+    ]
+    console.print(*lines, sep="\n", highlight=False)
+    if comm.rank == 0:
+        with (best.path / LOG).open("a") as file:
+            file.writelines(f"{line}\n" for line in lines)
+    return best.path
+
+
+def _measured_start(case: Case, comm: MPI.Comm, accuracy: float) -> Case:
+    """Return a case that has no plan with the cells that two pilot runs show for an accuracy; collective."""
+    from wavetank.planning.trade import measure_trade  # imports xarray, which is slow
+
+    trade = measure_trade(planned(case, comm).case, comm)
+    ratio = float(np.clip(trade.ratio(FIRST * accuracy), 1.0 / MAX_RATIO, max(trade.pilots)))
+    return trade.case.model_copy(update={"numerics": trade.numerics(ratio)})
 
 
 def _next_numerics(results: "Sequence[Certificate]", accuracy: float, quantity: str, requested: Numerics) -> Numerics:
@@ -154,6 +182,7 @@ def _within(case: Case, comm: MPI.Comm, budget: float) -> Case:
         raise InputError(f"--budget {budget:g}: the run needs about {needed:.2g} CPU s with {' and '.join(named)}")
     for ratio in RATIOS:
         coarse = chosen.model_copy(update={"numerics": companion(chosen, clock.dt, limit, ratio).numerics})
-        if needed * _relative_cost(chosen, coarse) <= budget:
+        least = needed * _relative_cost(chosen, coarse)
+        if least <= budget:
             return coarse
-    raise InputError(f"--budget {budget:g}: the run needs about {needed:.2g} CPU s, with its companion")
+    raise InputError(f"--budget {budget:g}: the coarsest run needs about {least:.2g} CPU s, with its companion")

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,13 +12,13 @@ from mpi4py import MPI
 from xarray import DataArray, Dataset
 
 from wavetank.base.arrays import Vector
-from wavetank.base.errors import BreakdownError, InputError, WavetankError
+from wavetank.base.errors import InputError, StoppedError, WavetankError
 from wavetank.base.mpi import from_first
 from wavetank.case import Case
 from wavetank.integrators import INTEGRATORS
 from wavetank.output.columns import energy_columns, gauge_columns, load_columns, station_variables, time_variables
 from wavetank.output.directory import RunDirectory
-from wavetank.planning.companion import UNKNOWN, companion_cases
+from wavetank.planning.companion import companion_cases
 from wavetank.planning.uncertainty import (
     PARTS,
     CompanionValues,
@@ -36,6 +37,7 @@ from wavetank.tank.block import Block
 from wavetank.tank.breaking import BreakingFilter
 
 LOW_WAVES = 0.1  # rms of a record, over the largest one, below which its relative uncertainty does not count
+ROUNDING = 1e-9  # of times [s]
 FEWEST = 16  # times of a record that has an uncertainty
 UNITS = {"time": "s", "height": "m", "amplitude": "m", "phase": "rad"}
 CONFIDENCE = "expanded uncertainty at a confidence of 95 %, ITTC 7.5-03-01-01"
@@ -61,15 +63,20 @@ class CompanionRecords(NamedTuple):
     """Records of the companion runs, as the cases of ``CompanionCases``, and the estimate."""
 
     coarse: RunRecords
-    coarser: RunRecords | None
     lower: RunRecords | None
     estimate: Estimate
 
+    def end(self, of: Callable[[RunRecords], Vector]) -> float:
+        """Return the last time of records, given by their times, of all companions [s]."""
+        return float(min(of(one)[-1] for one in (self.coarse, self.lower) if one is not None))
+
+    def common(self, data: Any, table: str) -> Any:
+        """Return data up to the last time of a table, a field of ``RunRecords``, of all companions."""
+        return data.sel(time=slice(None, self.end(lambda records: getattr(records, table).time.values) + ROUNDING))
+
     def values(self, of: Callable[[RunRecords], Vector]) -> CompanionValues:
         """Return values of the records of each run."""
-        return CompanionValues(
-            of(self.coarse), *(None if one is None else of(one) for one in (self.coarser, self.lower))
-        )
+        return CompanionValues(of(self.coarse), None if self.lower is None else of(self.lower))
 
 
 class Certificate(NamedTuple):
@@ -104,7 +111,7 @@ class Certificate(NamedTuple):
 def certify(recorded: RecordedRun, stop: Callable[[Block], None]) -> Certificate:
     """Run the companions, write and log the certificate of a recorded run, and return it; collective.
 
-    ``stop`` is called after each block of a companion; it raises a ``RunError`` to end it.
+    ``stop`` is called after each block of a companion; it raises ``StoppedError`` to end it and the run.
     """
     writer, comm = recorded.writer, recorded.waves.plane.comm
     before, start = recorded.parts.so_far()[-1]["timings"]["stepping_cpu_s"], time.process_time()
@@ -112,6 +119,8 @@ def certify(recorded: RecordedRun, stop: Callable[[Block], None]) -> Certificate
     data, figures, lines = Dataset(), dict[str, Any](), list[str]()
     try:
         data = _certified(recorded, stop)
+    except StoppedError as error:
+        raise StoppedError(f"companion run: {error}") from None
     except WavetankError as error:
         why = error
         figures, lines = {"resolved": False, "reason": str(why)}, [f"numerical uncertainty: not resolved, as {why}"]
@@ -143,8 +152,14 @@ def _worst(data: Dataset) -> dict[str, float]:
 
 def _worst_gauge(data: Dataset) -> int:
     """Return the index of the gauge of the largest relative uncertainty; gauges of low waves do not count."""
-    total, size = np.sqrt((data.part_rms**2).sum("part")), data.elevation_rms
-    return int((total / size.where(size >= LOW_WAVES * size.max())).fillna(0.0).argmax("gauge"))
+    total = np.sqrt((data.part_rms**2).sum("part"))
+    return int((total / data.elevation_rms.where(_high(data))).fillna(0.0).argmax("gauge"))
+
+
+def _high(data: Dataset) -> DataArray:
+    """Return whether the waves at each gauge are not low."""
+    size: DataArray = data.elevation_rms
+    return size >= LOW_WAVES * size.max()
 
 
 def _certified(recorded: RecordedRun, stop: Callable[[Block], None]) -> Dataset:
@@ -160,28 +175,16 @@ def _certified(recorded: RecordedRun, stop: Callable[[Block], None]) -> Dataset:
     own = OwnRecords(recorded.surface.array(), recorded.case.regular_period)
     case = recorded.case.model_copy(update={"initial": recorded.requested.initial})  # not that of a resumed run
     limit = stability_limit(case, run.integrator) / recorded.waves.largest_frequency
-    why = NotResolvedError()
     try:
-        for cases in companion_cases(case, run.clock.dt, limit):
-            coarse, coarser, lower = records_in_memory(cases.coarse, comm, stop), None, None
-            if cases.lower is not None:
-                lower = records_in_memory(cases.lower, comm, stop)
-            estimate = Estimate.of(case, cases, run.clock.dt)
-            if cases.coarser is not None:
-                try:
-                    coarser = records_in_memory(cases.coarser, comm, stop)
-                except (BreakdownError, InputError):  # cells on which it cannot be computed show no order
-                    estimate = estimate._replace(safety=UNKNOWN)
-            companions = CompanionRecords(coarse, coarser, lower, estimate)
-            try:
-                return from_first(comm, partial(certificate, recorded.directory, companions, own))
-            except TooCoarseError as error:
-                why = error
-    except NotResolvedError:
+        cases = companion_cases(case, run.clock.dt, limit)
+        coarse = records_in_memory(cases.coarse, comm, stop)
+        lower = None if cases.lower is None else records_in_memory(cases.lower, comm, stop)
+        companions = CompanionRecords(coarse, lower, Estimate.of(case, cases, run.clock.dt))
+        return from_first(comm, partial(certificate, recorded.directory, companions, own))
+    except (NotResolvedError, StoppedError):
         raise
     except WavetankError as error:
         raise NotResolvedError(f"the companion run fails: {error}") from None
-    raise why
 
 
 def records_in_memory(case: Case, comm: MPI.Comm, stop: Callable[[Block], None]) -> RunRecords:
@@ -218,7 +221,7 @@ def certificate(path: Path, companions: CompanionRecords, own: OwnRecords) -> Da
     result = Dataset(attrs={"comment": CONFIDENCE})
     if not recorded.sizes["gauge"]:
         raise NotResolvedError("the case has no gauge")
-    gauges = recorded.dropna("time")  # from the time on at which all gauges exist
+    gauges = companions.common(recorded.dropna("time"), "gauges")  # from the time on at which all gauges exist
     t = gauges.time.values
     if min(t.size, companions.coarse.gauges.sizes["time"]) < FEWEST:
         raise NotResolvedError(f"the gauges have {t.size} rows: at least {FEWEST} are needed")
@@ -226,22 +229,23 @@ def certificate(path: Path, companions: CompanionRecords, own: OwnRecords) -> Da
     several = gauge_uncertainties(t, elevations, theirs, estimate)
     errors = np.max([estimate.frequency_errors(t, one - one.mean()) for one in elevations], axis=0)
     total = gauges.copy(data=[one.total for one in several])
-    total = total.reindex(time=recorded.time).assign_attrs(units="m", long_name=CONFIDENCE)
+    total = total.reindex(time=recorded.time, method="ffill").assign_attrs(units="m", long_name=CONFIDENCE)
     result["elevation_uncertainty"] = total
     result["elevation_rms"] = (gauges**2).mean("time") ** 0.5
     rms = [[np.sqrt(np.mean(part**2)) for part in one.parts] for one in several]
     result["part_rms"] = DataArray(np.transpose(rms), {"part": list(PARTS)}, ("part", "gauge"), attrs={"units": "m"})
     pairs = zip(elevations, several, strict=True)
     result = _padded(result, "crest", [crests(t, one, u) for one, u in pairs])
-    if own.period is not None and own.period <= t[-1] - t[0]:
+    if own.period is not None:
         records = zip(elevations, theirs.each(), strict=True)
-        result = _padded(result, "harmonic", [estimate.harmonics(t, *each, own.period) for each in records])
+        with suppress(InputError):  # too short a record, or too few samples
+            result = _padded(result, "harmonic", [estimate.harmonics(t, *each, own.period) for each in records])
     loads = run.loads if companions.coarse.loads else None
     result = result.assign(dict(_of_table(run.energy, companions, "energy", errors)))
     if loads is not None:
         result = result.assign(dict(_of_table(loads, companions, "loads", errors)))
     relative = dict(_relative(result, loads))
-    if own.surface.size:
+    if own.surface.size and own.surface[0, 0] <= t[0]:  # not of a resumed run
         relative["surface"] = _of_surface(own.surface, companions)
     result["relative_uncertainty"] = DataArray([*relative.values()], {"quantity": [*relative]}, ("quantity",))
     return result
@@ -265,6 +269,7 @@ def _relative(data: Dataset, loads: Dataset | None) -> Iterator[tuple[str, float
     """
     worst = data.isel(gauge=_worst_gauge(data))
     yield "gauges", float(np.sqrt((worst.part_rms**2).sum() / worst.elevation_rms**2))
+    data = data.isel(gauge=_high(data).values)
     heights = data.crest_height.fillna(-np.inf)
     highest = data.isel(crest=heights.argmax("crest"))
     if np.isfinite(height := highest.crest_height).any():
@@ -280,11 +285,11 @@ def _relative(data: Dataset, loads: Dataset | None) -> Iterator[tuple[str, float
 
 def _of_surface(own: Vector, companions: CompanionRecords) -> float:
     """Return the relative uncertainty of the surface: root mean square over positions and times, rows of t and eta."""
-    t, *values = own.T
+    t, *values = own[own[:, 0] <= companions.end(lambda records: records.surface[:, 0]) + ROUNDING].T
 
     def of(records: RunRecords) -> Vector:
         times, *theirs = records.surface.T
-        return at_times(np.minimum(t, times[-1]), times, np.transpose(theirs)).T
+        return at_times(t, times, np.transpose(theirs)).T
 
     several = companions.estimate.several(t, np.array(values), companions.values(of))
     return float(np.sqrt(np.mean([one.total**2 for one in several]) / np.mean(np.square(values))))
@@ -297,10 +302,11 @@ def _of_table(
 
     ``errors`` are those of the frequency of the waves.
     """
-    data = data.dropna("time")
-    t = data.time.values
+    complete = data.dropna("time")
+    compared = companions.common(complete, table)
+    t = compared.time.values
     few = min(t.size, getattr(companions.coarse, table).sizes["time"]) < FEWEST
-    for name, one in () if few else data.items():
+    for name, one in () if few else compared.items():
 
         def of(records: RunRecords, name: Any = name) -> Vector:
             return np.atleast_2d(_at(t, getattr(records, table)[name]))
@@ -309,13 +315,13 @@ def _of_table(
             u.total for u in companions.estimate.several(t, np.atleast_2d(one.values), companions.values(of), errors)
         ]
         total = one.copy(data=np.reshape(rows, one.shape)).assign_attrs(long_name=CONFIDENCE)
+        total = total.reindex(time=complete.time, method="ffill")
         yield f"{name}_uncertainty", total.rename(time=f"{table.removesuffix('s')}_time")
 
 
 def _at(t: Vector, record: DataArray) -> Vector:
     """Return a record, over time last, at other times t [s]."""
-    own = record.time.values
-    return at_times(np.minimum(t, own[-1]), own, record.values.T).T
+    return np.asarray(at_times(t, record.time.values, record.values.T).T)
 
 
 def summary(data: Dataset) -> Iterator[str]:
