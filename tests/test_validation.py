@@ -104,6 +104,12 @@ def test_conclusions_state_levels_ratios_and_missing_parts():
     assert Validation(0.1, {}).conclusion == "" and np.isnan(Validation(0.1, {}).U_V)
 
 
+def test_large_uncertainty_has_no_conclusion():
+    for E in (0.1, 2.0):
+        assert Validation(E, {"U_D": 0.299}).conclusion.endswith(" without U_SN, u_input")
+        assert Validation(E, {"U_D": 0.24, "U_SN": 0.24}).conclusion == "U_V = 34 %: too large for a conclusion"
+
+
 # ---------------------------------------------------------------- uncertainty of the paddle's record
 RECORD_T = np.arange(0.0, 8.01, 0.02)
 POSITION = 0.01 * np.clip(RECORD_T / 2, 0, 1) ** 2 * np.sin(2 * np.pi * RECORD_T / 1.5)
