@@ -17,7 +17,7 @@ from wavetank import data
 from wavetank.analysis.compare import synchronised
 from wavetank.base.errors import InputError, WavetankError
 from wavetank.data import DATASET
-from wavetank.data.description import read_dataset
+from wavetank.data.description import GaugeUncertainty, PaddleUncertainty, read_dataset
 from wavetank.data.places import BUILT_IN
 
 ROWS = [(0.001 * n, 0.01 * np.sin(0.003 * n)) for n in range(101)]
@@ -336,6 +336,11 @@ def test_uncertainties_of_a_gauge_replace_those_of_all_gauges(tmp_path):
         "2": {"gain": 0.02, "place": 0.05, "clock": 0.0},
     }
     assert [(one.file, one.stated) for one in found.paddle] == [("paddle.csv", {"noise": 1e-4})]
+
+
+def test_noise_is_in_metres_at_gauges_and_in_the_unit_of_the_record_of_a_paddle():
+    units = [one.model_fields["noise"].description.partition("[")[2] for one in (GaugeUncertainty, PaddleUncertainty)]
+    assert units == ["m]", "the unit of the record]"]
 
 
 CLOCK = "records.0.clock_offset = [0, -5.0]: must be 'free', a number of seconds, or"

@@ -71,7 +71,6 @@ class RecordUncertainty(CaseModel):
 
     gain: Expanded | None = Field(default=None, description="relative uncertainty of its values")
     clock: Expanded | None = Field(default=None, description="of its times [s]")
-    noise: Expanded | None = Field(default=None, description="of each value, independent of the others [its unit]")
 
     @property
     def stated(self) -> dict[str, float]:
@@ -83,11 +82,13 @@ class GaugeUncertainty(RecordUncertainty):
     """Expanded uncertainties of the record of a gauge at a confidence of 95 %."""
 
     place: Expanded | None = Field(default=None, description="of its distance from the paddle [m]")
+    noise: Expanded | None = Field(default=None, description="of each elevation, independent of the others [m]")
 
 
 class PaddleUncertainty(RecordUncertainty):
     """Expanded uncertainties of a record that drives the paddle at a confidence of 95 %."""
 
+    noise: Expanded | None = Field(default=None, description="of each value, independent [the unit of the record]")
     file: FileName = Field(description="the record")
 
 
