@@ -101,6 +101,8 @@ def test_conclusions_state_levels_ratios_and_missing_parts():
     assert Validation(-0.26, parts).conclusion == "|E| = 2.0 U_V: model or record is wrong"
     assert Validation(0.6, {"U_D": 0.04}).conclusion == "|E| = 15 U_V without U_SN, u_input"
     assert Validation(0.03, {"U_D": 0.04}).conclusion == "validated at 4.0% without U_SN, u_input"
+    assert Validation(0.12, parts, ["gain", "noise"]).conclusion == "validated at 13.0% without gain, noise"
+    assert Validation(0.26, parts, ["gain"]).conclusion == "|E| = 2.0 U_V without gain"
     assert Validation(0.1, {}).conclusion == "" and np.isnan(Validation(0.1, {}).U_V)
 
 
@@ -262,7 +264,8 @@ def test_python_bed_of_a_run_is_not_executed_without_trust(flume, tmp_path):
 # ---------------------------------------------------------------- the command
 def test_compare_states_errors_uncertainties_and_conclusions(flume):
     """Gauge 1 reads 2 % high, gauge 2 30 %; the gain is uncertain by 3 %."""
-    described(flume, 'uncertainty = { gain = 0.03 }\npaddle = [{ file = "paddle.txt", gain = 0.01 }]')
+    uncertainty = "uncertainty = { gain = 0.03, clock = 0, place = 0, noise = 0 }"
+    described(flume, f'{uncertainty}\npaddle = [{{ file = "paddle.txt", gain = 0.01, clock = 0, noise = 0 }}]')
     said = commanded("compare", str(flume / "run"), "--with", str(flume))
     assert said.returncode == 0, said.stderr
     first, second = csv_rows(flume / "run" / "compare.csv")
@@ -290,6 +293,26 @@ def test_compare_states_errors_uncertainties_and_conclusions(flume):
     assert "model or record is wrong" in said.stdout and "U_SN:" not in said.stdout and "shift [s]" not in said.stdout
 
 
+def test_unstated_parts_of_the_data_and_the_paddle_are_named(flume):
+    """A part that is stated as 0 is stated. The gain of gauge 2 is wrong by ten times its uncertainty."""
+    gauge_zeros, paddle_zeros = ", clock = 0, place = 0, noise = 0", ", clock = 0, noise = 0"
+    for of_gauge, of_paddle, missing in (
+        ("", "", " without clock, place, noise, part of u_input"),
+        ("", paddle_zeros, " without clock, place, noise"),
+        (gauge_zeros, "", " without part of u_input"),
+        (gauge_zeros, paddle_zeros, ": model or record is wrong"),
+    ):
+        uncertainty = f"uncertainty = {{ gain = 0.03{of_gauge} }}"
+        described(flume, f'{uncertainty}\npaddle = [{{ file = "paddle.txt", gain = 0.01{of_paddle} }}]')
+        said = " ".join(commanded("compare", str(flume / "run"), "--with", str(flume)).stdout.split())
+        first, second = csv_rows(flume / "run" / "compare.csv")
+        for name in ("validation", "crest_validation"):
+            assert first[name].endswith(missing if "without" in missing else "%")
+            assert second[name].endswith(f"U_V{missing}")
+        note = f"u_input: {flume.name} does not state clock of paddle.txt, noise of paddle.txt"
+        assert (note in said) == ("u_input" in missing)
+
+
 def test_missing_parts_are_stated_with_their_reasons(flume, tmp_path):
     run = RunDirectory(flume / "run")
     for certificate, reason in (
@@ -301,9 +324,11 @@ def test_missing_parts_are_stated_with_their_reasons(flume, tmp_path):
         described(flume)
         said = " ".join(commanded("compare", str(folder), "--with", str(flume)).stdout.split())
         assert f"not validated: U_D: {flume.name} states no uncertainty of its gauges; {reason}; u_input: " in said
-        described(flume, "uncertainty = { clock = 0.1 }")
+        described(flume, "uncertainty = { clock = 0.01 }")
         said = " ".join(commanded("compare", str(folder), "--with", str(flume)).stdout.split())
-        assert "without U_SN, u_input" in said and reason in said and "not validated" not in said
+        assert reason in said and "not validated" not in said
+        for row in csv_rows(folder / "compare.csv"):
+            assert row["validation"].endswith(" without U_SN, u_input, gain, place, noise")
 
 
 def test_place_is_uncertain_by_the_depth_at_the_gauge(flume, tmp_path):

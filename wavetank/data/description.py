@@ -77,6 +77,11 @@ class RecordUncertainty(CaseModel):
         """The stated parts by name."""
         return self.model_dump(include={"gain", "clock", "place", "noise"}, exclude_none=True)
 
+    @property
+    def unstated(self) -> list[str]:
+        """The names of the other parts."""
+        return [name for name, size in self if size is None]
+
 
 class GaugeUncertainty(RecordUncertainty):
     """Expanded uncertainties of the record of a gauge at a confidence of 95 %."""

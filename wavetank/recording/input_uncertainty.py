@@ -37,7 +37,8 @@ def input_uncertainty(run: RunDirectory, data: Dataset) -> DataArray:
     """Return u_input [m] over gauge and time [s], the effect of the uncertainty of the records that drive paddles.
 
     The parts are gain S', clock dS'/dt and the rms of the response to noise. S' is the elevation that the record
-    generates in linear water, with the numerics of the run. Raises ``InputError`` if no record of the run is one of
+    generates in linear water, with the numerics of the run. The attribute ``unstated`` lists the parts that the data do
+    not state, e.g. ``gain of paddle.csv``. Raises ``InputError`` if no record of the run is one of
     the data with an uncertainty, if its case cannot be read or needs more than ``LONGEST``, and ``UntrustedError``
     before the execution of a Python file.
     """
@@ -60,7 +61,8 @@ def input_uncertainty(run: RunDirectory, data: Dataset) -> DataArray:
     for wall, key, stated, path in driven:
         squares += [part**2 for part in _parts(case, wall, key, stated, path)]
     total: DataArray = sum(squares) ** 0.5
-    return total
+    unstated = [f"{name} of {stated.file}" for *_, stated, _ in driven for name in stated.unstated]
+    return total.assign_attrs(unstated=list(dict.fromkeys(unstated)))
 
 
 def _checksum(path: Path) -> str:

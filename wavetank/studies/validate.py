@@ -22,6 +22,7 @@ from wavetank.analysis.validation import (
     root_sum_of_squares,
 )
 from wavetank.base.errors import InputError, WavetankError
+from wavetank.data.description import GaugeUncertainty
 from wavetank.output.directory import CERTIFICATE, RunDirectory
 from wavetank.output.manifest import MANIFEST
 
@@ -91,6 +92,8 @@ def uncertainties(source: str, reference: data.Dataset, gauges: Sequence[str]) -
         notes.append(f"{NUMERICAL}: {why}")
     try:
         response = _response(run, reference)
+        if response.unstated:
+            notes.append(f"{INPUT}: {reference.name} does not state {', '.join(response.unstated)}")
     except (WavetankError, ModuleNotFoundError) as error:  # the latter without the solver
         notes.append(f"{INPUT}: {str(error).removesuffix('.')}")
     return Uncertainties(stated, run, certificate, response, notes)
@@ -129,8 +132,11 @@ def validate(
             parts[MEASURED] = record_uncertainty(t, D, stated, depth=depth or np.inf, gravity=gravity)
         if response is not None:
             parts[INPUT] = response
-        record = Validation(row["nrms"], {name: rms(part) / rms(D) for name, part in parts.items()})
-        crest = _of_crest(sources, computed, row, t, parts)
+        unstated = GaugeUncertainty(**stated).unstated if stated else []
+        if sources.response is not None and INPUT in parts and sources.response.unstated:
+            unstated.append(f"part of {INPUT}")
+        record = Validation(row["nrms"], {name: rms(part) / rms(D) for name, part in parts.items()}, unstated)
+        crest = _of_crest(sources, computed, row, t, parts)._replace(unstated=unstated)
         yield GaugeValidation(measured.gauge.item(), t, parts, ", ".join(stated), record, crest)
 
 
