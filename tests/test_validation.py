@@ -313,6 +313,21 @@ def test_unstated_parts_of_the_data_and_the_paddle_are_named(flume):
         assert (note in said) == ("u_input" in missing)
 
 
+@pytest.mark.parametrize(("first", "second"), [("measured", "published"), ("published", "measured"), ("T1", "T2")])
+def test_uncertainties_of_an_experiment_are_not_those_of_a_computation(flume, tmp_path, first, second):
+    described(flume, "uncertainty = { gain = 0.03 }")
+    records = "".join(f'[[records]]\nsource = "{source}"\nfiles = ["eta.csv"]\n' for source in (first, second))
+    (flume / DATASET).write_text((flume / DATASET).read_text().partition("[[")[0] + records)
+    for n, source in enumerate((first, second, "")):
+        chosen, out = f"{flume}{':' * bool(source)}{source}", tmp_path / str(n)
+        said = commanded("compare", str(flume / "run"), "--with", chosen, "--out", str(out))
+        assert said.returncode == 0, said.stderr
+        computed = (source or first) == "published"
+        line = f"not validated: {flume.name}:published is not measured: it has no U_D"
+        assert (line in " ".join(said.stdout.split())) == computed
+        assert [row.get("U_D") for row in csv_rows(out / "compare.csv")] == 2 * ([None] if computed else ["0.03"])
+
+
 def test_missing_parts_are_stated_with_their_reasons(flume, tmp_path):
     run = RunDirectory(flume / "run")
     for certificate, reason in (

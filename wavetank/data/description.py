@@ -6,7 +6,7 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, Strict, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, Strict, ValidationError, field_validator, model_validator
 from pydantic_core import ErrorDetails
 
 from wavetank.base.case_model import CaseModel, Problem
@@ -136,6 +136,10 @@ class RecordFiles(CaseModel):
     )
 
 
+class ComputedFiles(RecordFiles):
+    """Elevations of a computation in a data set with measured ones, whose uncertainties are not its own."""
+
+
 class Section(CaseModel):
     """A straight line through a tank, parallel to an axis, with wave heights."""
 
@@ -204,6 +208,14 @@ class Dataset(CaseModel):
     heights: WaveHeights | None = None
     files: Annotated[tuple[DataFile, ...], Strict(False)] = Field(default=(), description="what can be downloaded")
     folder: Path = Field(default=Path(), description="where its description was read")
+
+    @field_validator("records")
+    @classmethod
+    def _with_kinds(cls, records: tuple[RecordFiles, ...]) -> tuple[RecordFiles, ...]:
+        """Return records, other sources than ``MEASURED`` as ``ComputedFiles`` if there is that one."""
+        if MEASURED not in (one.source for one in records):
+            return records
+        return tuple(one if one.source == MEASURED else ComputedFiles(**dict(one)) for one in records)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

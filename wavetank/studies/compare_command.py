@@ -138,13 +138,18 @@ def _compare_gauges(
 def _validate(source: str, given: data.Dataset | None, pairs: "Pairs", compared: "Dataset") -> "_Validated":
     """Return a comparison with the columns of its validation, tables and lines of these, and U_V by gauge.
 
-    There are none with another run, or without any stated uncertainty.
+    There are none with another run or a computation, or without any stated uncertainty.
     """
+    from wavetank.data.description import ComputedFiles
     from wavetank.plots.tables import CREST_VALIDATION, VALIDATION, terminal_table
     from wavetank.studies.validate import columns, uncertainties, validate
 
     if given is None:
         return _Validated(compared, [], {})
+    reference = given.records[0]
+    if isinstance(reference, ComputedFiles):
+        why = f"{given.name}:{reference.source} is not measured: it has no U_D"
+        return _Validated(compared, [f"not validated: {why}"], {})
     sources = uncertainties(source, given, [measured.gauge.item() for _, measured in pairs])
     each = [*validate(sources, pairs, compared)]
     if not any(one.parts for one in each):
