@@ -215,6 +215,9 @@ def test_compare_finds_a_clock_offset_and_harmonics(tmp_path):
     fitted = commanded(*words, "--clock", "-5,0", "--fit").stdout
     for word in ("fitted", "shift [s]", "clock [s]"):
         assert word not in done.stdout and word in fitted
+    for start in ("40", "50"):
+        late = refusal(*words, "--clock", "-5,0", "--period", "1.57", "--start", start)
+        assert f"from {start} to 39.98 s: 0 times there; the record is from " in late
     for clock in ("soon", "3,1", "1,2,3", ""):
         assert f"--clock {clock!r} received; allowed is 'free'" in refusal(*words, "--clock", clock)
 

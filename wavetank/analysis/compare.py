@@ -36,7 +36,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import argrelextrema
 from xarray import DataArray, Dataset
 
-from wavetank.analysis.signals import MIN_HEIGHT, common_clock, harmonics, surface_similarity, with_units
+from wavetank.analysis.signals import MIN_HEIGHT, between, common_clock, harmonics, surface_similarity, with_units
 from wavetank.analysis.statistics import mean_wave_height
 from wavetank.base.errors import InputError
 from wavetank.data import HeightSeries, Section, WaveHeights
@@ -266,10 +266,10 @@ def compare_harmonics(
 
     Amplitudes ``computed`` and ``reference`` [m], the relative ``error``, and ``ahead``, the phase by which the
     computed wave leads, in (-pi, pi]. ``start`` [s] excludes times before the waves are established. Raises
-    ``InputError`` as ``harmonics`` does, and if there are no common gauges or times.
+    ``InputError`` as ``between`` and ``harmonics``, and if there are no common gauges or times.
     """
     pairs = matched(computed, reference)
-    both = [common_clock(pair).sel(time=slice(start, None)) for pair in pairs]
+    both = [between(common_clock(pair), start) for pair in pairs]
     components = np.array([harmonics(eta, 1 / period, number=HARMONICS).component.values for eta in both])
     A, B = components[:, 0], components[:, 1]
     counted = (np.abs(B) > MIN_HARMONIC * np.abs(B[:, :1])) & (A != 0)
