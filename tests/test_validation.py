@@ -328,6 +328,24 @@ def test_uncertainties_of_an_experiment_are_not_those_of_a_computation(flume, tm
         assert [row.get("U_D") for row in csv_rows(out / "compare.csv")] == 2 * ([None] if computed else ["0.03"])
 
 
+@pytest.mark.parametrize(("phase", "level"), [(0.09, "validated at 10.0%"), (0.2, "|E| = 2.0 U_V")])
+def test_fraction_of_samples_within_U_V_is_that_of_a_phase_error(tmp_path, phase, level):
+    """Oracle: |E| = phase |cos| <= gain |sin| in 1 - 2/pi atan(phase / gain) of the time."""
+    omega = 2 * np.pi / 1.61
+    run = write_run(tmp_path / "run", gauges=gauges(gauge("1", 2.0, T, np.sin(omega * T - phase))))
+    rows = np.column_stack([T, np.sin(omega * T)])
+    np.savetxt(tmp_path / "eta.csv", rows, delimiter=",", header="t,1", comments="")
+    (tmp_path / DATASET).write_text(
+        'gauges = [{ name = "1", uncertainty = { gain = 0.1 } }]\n[[records]]\nfiles = ["eta.csv"]\n'
+    )
+    said = commanded("compare", str(run.path), "--with", str(tmp_path))
+    (row,) = csv_rows(run.path / "compare.csv")
+    assert row["validation"].startswith(level)
+    fraction = 1 - 2 / np.pi * np.arctan(phase / 0.1)
+    assert float(row["within"]) == pytest.approx(fraction, abs=0.01)
+    assert f" {float(row['within']):.0%} " in said.stdout
+
+
 def test_missing_parts_are_stated_with_their_reasons(flume, tmp_path):
     run = RunDirectory(flume / "run")
     for certificate, reason in (
