@@ -279,4 +279,8 @@ def _sentence(details: ErrorDetails) -> str:
     allowed = details["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
     if details["type"] == "extra_forbidden":
         allowed = "is no key of a data set"
+    if details["type"] == "model_type":
+        allowed = f"must be a table of {', '.join(globals()[details['ctx']['class_name']].model_fields)}"
+    if details["type"] == "tuple_type":
+        allowed = "must be a list, [...]"
     return str(Problem(details["loc"], details["input"], allowed))
