@@ -19,7 +19,7 @@ from wavetank.case import Case, StillWater
 from wavetank.case.model import LinearWater
 from wavetank.case.paddle import AtRestMotion, RecordedMotion
 from wavetank.data import Dataset
-from wavetank.data.description import PaddleUncertainty
+from wavetank.data.description import DATASET, PaddleUncertainty
 from wavetank.data.places import present
 from wavetank.motion.recorded import read_record
 from wavetank.output.directory import PADDLES, RunDirectory
@@ -52,6 +52,8 @@ def input_uncertainty(run: RunDirectory, data: Dataset) -> DataArray:
         if (checksum := checksums.get(f"{wall}.motion.{key}")) in uncertain
     ]
     if not driven:
+        if missing := [one.file for one, path in paths.items() if not path]:
+            raise InputError(f"{data.folder / DATASET}: paddle.file {', '.join(missing)}: no such file")
         raise InputError("the paddle of the run is not driven by a record whose uncertainty the data state")
     case = linear_case(planned(stored_case(run.path), MPI.COMM_SELF).case)
     try:
