@@ -151,6 +151,10 @@ def test_records_that_cannot_be_compared_are_bad_input(tmp_path):
         with pytest.raises(InputError, match=message):
             compare(computed, reference)
     write_run(tmp_path / "run", gauges=one)
+    file = tmp_path / "run" / "gauges.csv"
+    for out, why in ((file, "is a file; allowed is a folder, new or existing"), (file / "out", "cannot be written")):
+        said = refusal("compare", str(tmp_path / "run"), "--with", str(tmp_path / "run"), "--out", str(out))
+        assert f"{out}: {why}" in said
     said = "runs/w-1: is no run directory, no folder with a dataset.toml, no CSV file, and no data set; "
     assert said in refusal("compare", str(tmp_path / "run"), "--with", "runs/w-1")
 
