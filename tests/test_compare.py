@@ -139,13 +139,22 @@ def test_records_that_cannot_be_compared_are_bad_input(tmp_path):
     for computed, reference, message in (
         (gauges(), one, "the run has none; the reference '5' at x = 50 m"),
         (placed(("a", 1.0)), other, "the run has 'a' at x = 1 m; the reference 'b' at x = 2 m"),
-        (one, one.assign_coords(time=T + 100.0), "do not overlap"),
+        (
+            one,
+            one.assign_coords(time=T + 100.0),
+            "gauge 5: 0 rows of the reference within the computed times, 0 to 39.98 s",
+        ),
+        (one, one[:, :3], "gauge 5: 3 rows of the reference within the computed times, 0 to 39.98 s; at least 4"),
         (one, 1e-12 * one, "gauge 5: the reference has no wave, it varies by .*e-1"),
         (one[:, :3], one, "3 rows computed"),
     ):
         with pytest.raises(InputError, match=message):
             compare(computed, reference)
     write_run(tmp_path / "run", gauges=one)
+    file = tmp_path / "run" / "gauges.csv"
+    for out, why in ((file, "is a file; allowed is a folder, new or existing"), (file / "out", "cannot be written")):
+        said = refusal("compare", str(tmp_path / "run"), "--with", str(tmp_path / "run"), "--out", str(out))
+        assert f"{out}: {why}" in said
     said = "runs/w-1: is no run directory, no folder with a dataset.toml, no CSV file, and no data set; "
     assert said in refusal("compare", str(tmp_path / "run"), "--with", "runs/w-1")
 
@@ -215,6 +224,14 @@ def test_compare_finds_a_clock_offset_and_harmonics(tmp_path):
     fitted = commanded(*words, "--clock", "-5,0", "--fit").stdout
     for word in ("fitted", "shift [s]", "clock [s]"):
         assert word not in done.stdout and word in fitted
+    for start in ("40", "50"):
+        late = refusal(*words, "--clock", "-5,0", "--period", "1.57", "--start", start)
+        assert f"from {start} to 39.98 s: 0 times there; the record is from " in late
+    late = refusal(*words, "--clock", "100,200")
+    assert (
+        "clock offset from 100 to 200 s received; half of the records must remain in common: allowed is -21.69 to"
+        in late
+    )
     for clock in ("soon", "3,1", "1,2,3", ""):
         assert f"--clock {clock!r} received; allowed is 'free'" in refusal(*words, "--clock", clock)
 

@@ -17,7 +17,7 @@ from wavetank import data
 from wavetank.analysis.compare import synchronised
 from wavetank.base.errors import InputError, WavetankError
 from wavetank.data import DATASET
-from wavetank.data.description import read_dataset
+from wavetank.data.description import GaugeUncertainty, PaddleUncertainty, read_dataset
 from wavetank.data.places import BUILT_IN
 
 ROWS = [(0.001 * n, 0.01 * np.sin(0.003 * n)) for n in range(101)]
@@ -278,6 +278,12 @@ def test_one_clock_serves_all_gauges():
     assert offset == pytest.approx(-1.05, abs=1e-3)
 
 
+def test_records_of_two_gauges_at_different_times_have_no_common_clock():
+    late = [gauge(name, PLACES[name], T + lag, eta(T, PLACES[name])) for name, lag in (("1", 0.0), ("5", 100.0))]
+    with pytest.raises(InputError, match=r"offset from -inf to inf s received; .*: there is no such offset\."):
+        synchronised(records(**PLACES), gauges(*late, clock_offset=(-np.inf, np.inf)))
+
+
 def test_clock_offset_of_a_slow_group_is_not_a_period_off():
     """A wave on costs 0.17 of them, and half a step of the scan, by which it may miss the right one, more."""
 
@@ -338,6 +344,11 @@ def test_uncertainties_of_a_gauge_replace_those_of_all_gauges(tmp_path):
     assert [(one.file, one.stated) for one in found.paddle] == [("paddle.csv", {"noise": 1e-4})]
 
 
+def test_noise_is_in_metres_at_gauges_and_in_the_unit_of_the_record_of_a_paddle():
+    units = [one.model_fields["noise"].description.partition("[")[2] for one in (GaugeUncertainty, PaddleUncertainty)]
+    assert units == ["m]", "the unit of the record]"]
+
+
 CLOCK = "records.0.clock_offset = [0, -5.0]: must be 'free', a number of seconds, or"
 
 
@@ -350,13 +361,20 @@ CLOCK = "records.0.clock_offset = [0, -5.0]: must be 'free', a number of seconds
         ('["a", 4]', '["eta", 4]', "wave.csv.gz: column 'eta' asked for; the names in its first line are: time, none"),
         ('["a", 4]', '["a", 5]', "wave.csv.gz: column 5 asked for; it has 4"),
         ("[-5.0, 0]", "[0, -5.0]", CLOCK),
-        ("[-5.0, 0]", "[500, 600]", "clock_offset: no offset in its bounds leaves half of the records"),
+        (
+            "[-5.0, 0]",
+            "[500, 600]",
+            "clock offset from 500 to 600 s received; half of the records must remain in common: allowed is",
+        ),
         ("wave.csv.gz", "../wave.csv.gz", "must be a file in the folder of the data, or below"),
         ("wave.csv.gz", "none.csv", "none.csv: cannot be read (No such file or directory)"),
         ("x = ", "y = 9.0, x = ", "no gauge in common: the run has '1' at x = 2 m, '5' at x = 7.5 m; the"),
         ("focus", "upstream", "gauges: 'upstream' is the name of several; each must have its own"),
         ("gauges = [", "gauges = [[", "not valid TOML"),
         ("\n[[", "\nuncertainty = { gain = -0.1 }\n[[", "uncertainty.gain = -0.1: must be greater than or equal to 0"),
+        ("\n[[", '\nuncertainty = "5%"\n[[', 'uncertainty = "5%": must be a table of gain, clock, place, noise.'),
+        ("\n[[", '\npaddle = { file = "p" }\n[[', 'paddle = {"file": "p"}: must be a list, [...].'),
+        ("\n[[", '\npaddle = ["p"]\n[[', 'paddle.0 = "p": must be a table of gain, clock, noise, file.'),
         ("\n[[", "\nuncertainty = { speed = 1 }\n[[", "uncertainty.speed = 1: is no key of a data set"),
         ("\n[[", '\npaddle = [{ file = "p", place = 1.0 }]\n[[', "paddle.0.place = 1.0: is no key of a data set"),
     ],

@@ -101,7 +101,15 @@ def test_conclusions_state_levels_ratios_and_missing_parts():
     assert Validation(-0.26, parts).conclusion == "|E| = 2.0 U_V: model or record is wrong"
     assert Validation(0.6, {"U_D": 0.04}).conclusion == "|E| = 15 U_V without U_SN, u_input"
     assert Validation(0.03, {"U_D": 0.04}).conclusion == "validated at 4.0% without U_SN, u_input"
+    assert Validation(0.12, parts, ["gain", "noise"]).conclusion == "validated at 13.0% without gain, noise"
+    assert Validation(0.26, parts, ["gain"]).conclusion == "|E| = 2.0 U_V without gain"
     assert Validation(0.1, {}).conclusion == "" and np.isnan(Validation(0.1, {}).U_V)
+
+
+def test_large_uncertainty_has_no_conclusion():
+    for E in (0.1, 2.0):
+        assert Validation(E, {"U_D": 0.299}).conclusion.endswith(" without U_SN, u_input")
+        assert Validation(E, {"U_D": 0.24, "U_SN": 0.24}).conclusion == "U_V = 34 %: too large for a conclusion"
 
 
 # ---------------------------------------------------------------- uncertainty of the paddle's record
@@ -227,7 +235,7 @@ def test_missing_record_and_missing_solver_are_stated(flume, monkeypatch):
     assert input_uncertainty(RunDirectory(run), data.opened(str(flume))).max() > 0
     described(flume, f"paddle = [{missing}]")
     said = " ".join(commanded("compare", str(run), "--with", str(flume)).stdout.split())
-    assert "u_input: the paddle of the run is not driven by a record whose uncertainty the data state" in said
+    assert f"u_input: {flume / DATASET}: paddle.file none.txt: no such file" in said
     monkeypatch.setitem(sys.modules, "wavetank.recording.input_uncertainty", None)
     said = commanded("compare", str(run), "--with", str(flume))
     assert said.returncode == 0 and "u_input: import of" in said.stdout
@@ -256,7 +264,8 @@ def test_python_bed_of_a_run_is_not_executed_without_trust(flume, tmp_path):
 # ---------------------------------------------------------------- the command
 def test_compare_states_errors_uncertainties_and_conclusions(flume):
     """Gauge 1 reads 2 % high, gauge 2 30 %; the gain is uncertain by 3 %."""
-    described(flume, 'uncertainty = { gain = 0.03 }\npaddle = [{ file = "paddle.txt", gain = 0.01 }]')
+    uncertainty = "uncertainty = { gain = 0.03, clock = 0, place = 0, noise = 0 }"
+    described(flume, f'{uncertainty}\npaddle = [{{ file = "paddle.txt", gain = 0.01, clock = 0, noise = 0 }}]')
     said = commanded("compare", str(flume / "run"), "--with", str(flume))
     assert said.returncode == 0, said.stderr
     first, second = csv_rows(flume / "run" / "compare.csv")
@@ -284,6 +293,59 @@ def test_compare_states_errors_uncertainties_and_conclusions(flume):
     assert "model or record is wrong" in said.stdout and "U_SN:" not in said.stdout and "shift [s]" not in said.stdout
 
 
+def test_unstated_parts_of_the_data_and_the_paddle_are_named(flume):
+    """A part that is stated as 0 is stated. The gain of gauge 2 is wrong by ten times its uncertainty."""
+    gauge_zeros, paddle_zeros = ", clock = 0, place = 0, noise = 0", ", clock = 0, noise = 0"
+    for of_gauge, of_paddle, missing in (
+        ("", "", " without clock, place, noise, part of u_input"),
+        ("", paddle_zeros, " without clock, place, noise"),
+        (gauge_zeros, "", " without part of u_input"),
+        (gauge_zeros, paddle_zeros, ": model or record is wrong"),
+    ):
+        uncertainty = f"uncertainty = {{ gain = 0.03{of_gauge} }}"
+        described(flume, f'{uncertainty}\npaddle = [{{ file = "paddle.txt", gain = 0.01{of_paddle} }}]')
+        said = " ".join(commanded("compare", str(flume / "run"), "--with", str(flume)).stdout.split())
+        first, second = csv_rows(flume / "run" / "compare.csv")
+        for name in ("validation", "crest_validation"):
+            assert first[name].endswith(missing if "without" in missing else "%")
+            assert second[name].endswith(f"U_V{missing}")
+        note = f"u_input: {flume.name} does not state clock of paddle.txt, noise of paddle.txt"
+        assert (note in said) == ("u_input" in missing)
+
+
+@pytest.mark.parametrize(("first", "second"), [("measured", "published"), ("published", "measured"), ("T1", "T2")])
+def test_uncertainties_of_an_experiment_are_not_those_of_a_computation(flume, tmp_path, first, second):
+    described(flume, "uncertainty = { gain = 0.03 }")
+    records = "".join(f'[[records]]\nsource = "{source}"\nfiles = ["eta.csv"]\n' for source in (first, second))
+    (flume / DATASET).write_text((flume / DATASET).read_text().partition("[[")[0] + records)
+    for n, source in enumerate((first, second, "")):
+        chosen, out = f"{flume}{':' * bool(source)}{source}", tmp_path / str(n)
+        said = commanded("compare", str(flume / "run"), "--with", chosen, "--out", str(out))
+        assert said.returncode == 0, said.stderr
+        computed = (source or first) == "published"
+        line = f"not validated: {flume.name}:published is not measured: it has no U_D"
+        assert (line in " ".join(said.stdout.split())) == computed
+        assert [row.get("U_D") for row in csv_rows(out / "compare.csv")] == 2 * ([None] if computed else ["0.03"])
+
+
+@pytest.mark.parametrize(("phase", "level"), [(0.09, "validated at 10.0%"), (0.2, "|E| = 2.0 U_V")])
+def test_fraction_of_samples_within_U_V_is_that_of_a_phase_error(tmp_path, phase, level):
+    """Oracle: |E| = phase |cos| <= gain |sin| in 1 - 2/pi atan(phase / gain) of the time."""
+    omega = 2 * np.pi / 1.61
+    run = write_run(tmp_path / "run", gauges=gauges(gauge("1", 2.0, T, np.sin(omega * T - phase))))
+    rows = np.column_stack([T, np.sin(omega * T)])
+    np.savetxt(tmp_path / "eta.csv", rows, delimiter=",", header="t,1", comments="")
+    (tmp_path / DATASET).write_text(
+        'gauges = [{ name = "1", uncertainty = { gain = 0.1 } }]\n[[records]]\nfiles = ["eta.csv"]\n'
+    )
+    said = commanded("compare", str(run.path), "--with", str(tmp_path))
+    (row,) = csv_rows(run.path / "compare.csv")
+    assert row["validation"].startswith(level)
+    fraction = 1 - 2 / np.pi * np.arctan(phase / 0.1)
+    assert float(row["within"]) == pytest.approx(fraction, abs=0.01)
+    assert f" {float(row['within']):.0%} " in said.stdout
+
+
 def test_missing_parts_are_stated_with_their_reasons(flume, tmp_path):
     run = RunDirectory(flume / "run")
     for certificate, reason in (
@@ -295,9 +357,11 @@ def test_missing_parts_are_stated_with_their_reasons(flume, tmp_path):
         described(flume)
         said = " ".join(commanded("compare", str(folder), "--with", str(flume)).stdout.split())
         assert f"not validated: U_D: {flume.name} states no uncertainty of its gauges; {reason}; u_input: " in said
-        described(flume, "uncertainty = { clock = 0.1 }")
+        described(flume, "uncertainty = { clock = 0.01 }")
         said = " ".join(commanded("compare", str(folder), "--with", str(flume)).stdout.split())
-        assert "without U_SN, u_input" in said and reason in said and "not validated" not in said
+        assert reason in said and "not validated" not in said
+        for row in csv_rows(folder / "compare.csv"):
+            assert row["validation"].endswith(" without U_SN, u_input, gain, place, noise")
 
 
 def test_place_is_uncertain_by_the_depth_at_the_gauge(flume, tmp_path):

@@ -26,7 +26,7 @@ Gauges are ``DataArray`` of elevation [m] over gauge and time [s], as returned b
 """
 
 from collections.abc import Callable, Sequence
-from math import isnan, nan
+from math import inf, isnan, nan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,7 +36,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import argrelextrema
 from xarray import DataArray, Dataset
 
-from wavetank.analysis.signals import MIN_HEIGHT, common_clock, harmonics, surface_similarity, with_units
+from wavetank.analysis.signals import MIN_HEIGHT, between, common_clock, harmonics, surface_similarity, with_units
 from wavetank.analysis.statistics import mean_wave_height
 from wavetank.base.errors import InputError
 from wavetank.data import HeightSeries, Section, WaveHeights
@@ -100,13 +100,17 @@ def synchronised(computed: DataArray, reference: DataArray) -> tuple[DataArray, 
 
 def _bounds(pairs: Sequence[tuple[DataArray, DataArray]], first: float, last: float) -> tuple[float, float]:
     """Return the offsets [s] between two bounds at which at least half of all shorter records remains."""
+    least, most = -inf, inf
     for one, other in pairs:
         t, expected = one.time.values, other.time.values
         half = 0.5 * min(np.ptp(t), np.ptp(expected))
-        first, last = max(first, t[0] - expected[-1] + half), min(last, t[-1] - expected[0] - half)
-    if first > last:
-        raise InputError("clock_offset: no offset in its bounds leaves half of the records in common.")
-    return float(first), float(last)
+        least, most = max(least, t[0] - expected[-1] + half), min(most, t[-1] - expected[0] - half)
+    if max(first, least) > min(last, most):
+        allowed = f"allowed is {least:g} to {most:g} s" if least <= most else "there is no such offset"
+        raise InputError(
+            f"clock offset from {first:g} to {last:g} s received; half of the records must remain in common: {allowed}."
+        )
+    return float(max(first, least)), float(min(last, most))
 
 
 def _offset(pairs: Sequence[tuple[DataArray, DataArray]], first: float, last: float) -> float:
@@ -171,7 +175,8 @@ def compare_gauge(computed: DataArray, reference: DataArray, *, clock_offset: fl
     common = reference.sel(time=slice(times[0], times[-1]))
     t, eta = common.time.values, common.values
     if t.size < 4:
-        raise InputError(f"gauge {name}: the records do not overlap in time.")
+        interval = f"the computed times, {times[0]:g} to {times[-1]:g} s"
+        raise InputError(f"gauge {name}: {t.size} rows of the reference within {interval}; at least 4 are needed.")
     if np.ptp(eta) < MIN_HEIGHT:
         raise InputError(f"gauge {name}: the reference has no wave, it varies by {np.ptp(eta):.2g} m.")
     spline = _spline(computed)
@@ -266,10 +271,10 @@ def compare_harmonics(
 
     Amplitudes ``computed`` and ``reference`` [m], the relative ``error``, and ``ahead``, the phase by which the
     computed wave leads, in (-pi, pi]. ``start`` [s] excludes times before the waves are established. Raises
-    ``InputError`` as ``harmonics`` does, and if there are no common gauges or times.
+    ``InputError`` as ``between`` and ``harmonics``, and if there are no common gauges or times.
     """
     pairs = matched(computed, reference)
-    both = [common_clock(pair).sel(time=slice(start, None)) for pair in pairs]
+    both = [between(common_clock(pair), start) for pair in pairs]
     components = np.array([harmonics(eta, 1 / period, number=HARMONICS).component.values for eta in both])
     A, B = components[:, 0], components[:, 1]
     counted = (np.abs(B) > MIN_HARMONIC * np.abs(B[:, :1])) & (A != 0)

@@ -7,8 +7,9 @@ Of values D of an experiment and S of a simulation, ITTC 7.5-03-01-01 (2017):
 
 ASME V&V 20 (2009) adds the uncertainty u_input of the input of the simulation, here of the record that drives the
 paddle. S is validated at the level U_V if |E| <= U_V; otherwise the model or the record has an error that no stated
-uncertainty explains. All are expanded uncertainties at a confidence of 95 %. Of records, E and the uncertainties are
-root mean squares over the compared times, relative to that of D.
+uncertainty explains. If U_V exceeds ``LARGEST`` of the measured value there is no conclusion. All are expanded
+uncertainties at a confidence of 95 %. Of records, E and the uncertainties are root mean squares over the compared
+times, relative to that of D.
 
 Waves have at least three gauges and the same height and period within 5 % at all of them by IMO MSC.1/Circ.1200 (2006),
 annex, 4.4.4, for model tests in regular waves.
@@ -31,6 +32,7 @@ from wavetank.waves.airy import wave_number
 Array = NDArray[np.float64]
 
 PARTS = NUMERICAL, MEASURED, INPUT = "U_SN", "U_D", "u_input"  # parts of U_V
+LARGEST = 0.3  # largest U_V over the measured value at which there is a conclusion
 BAND = 4.0  # largest frequency of waves over the mean frequency of a record
 TOLERANCE = 0.05  # largest deviation of heights and periods of regular waves in model tests
 FEWEST_PLACES = 3  # least number of gauges in regular waves
@@ -70,10 +72,14 @@ def record_uncertainty(t: Array, eta: Array, stated: Mapping[str, float], *, dep
 
 
 class Validation(NamedTuple):
-    """The comparison error E of a quantity and the parts of U_V that are stated, relative to the measured one."""
+    """The comparison error E of a quantity and the parts of U_V that are stated, relative to the measured one.
+
+    ``unstated`` names what these parts do not contain.
+    """
 
     E: float
     parts: Mapping[str, float]
+    unstated: Sequence[str] = ()
 
     @property
     def U_V(self) -> float:
@@ -82,11 +88,13 @@ class Validation(NamedTuple):
 
     @property
     def conclusion(self) -> str:
-        """Whether E is within U_V, and the parts that U_V does not contain; empty without any part."""
+        """Whether E is within U_V, and what U_V does not contain; empty without any part."""
         if not self.parts:
             return ""
-        missing = ", ".join(name for name in PARTS if name not in self.parts)
-        without = f" without {missing}" if missing else ""
+        if self.U_V > LARGEST:
+            return f"U_V = {100 * self.U_V:.0f} %: too large for a conclusion"
+        missing = [*(name for name in PARTS if name not in self.parts), *self.unstated]
+        without = f" without {', '.join(missing)}" if missing else ""
         if abs(self.E) <= self.U_V:
             return f"validated at {self.U_V:.1%}{without}"
         ratio = abs(self.E) / self.U_V if self.U_V else inf

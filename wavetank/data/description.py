@@ -6,7 +6,7 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, Strict, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, Strict, ValidationError, field_validator, model_validator
 from pydantic_core import ErrorDetails
 
 from wavetank.base.case_model import CaseModel, Problem
@@ -71,23 +71,29 @@ class RecordUncertainty(CaseModel):
 
     gain: Expanded | None = Field(default=None, description="relative uncertainty of its values")
     clock: Expanded | None = Field(default=None, description="of its times [s]")
-    noise: Expanded | None = Field(default=None, description="of each value, independent of the others [its unit]")
 
     @property
     def stated(self) -> dict[str, float]:
         """The stated parts by name."""
         return self.model_dump(include={"gain", "clock", "place", "noise"}, exclude_none=True)
 
+    @property
+    def unstated(self) -> list[str]:
+        """The names of the other parts."""
+        return [name for name, size in self if size is None]
+
 
 class GaugeUncertainty(RecordUncertainty):
     """Expanded uncertainties of the record of a gauge at a confidence of 95 %."""
 
     place: Expanded | None = Field(default=None, description="of its distance from the paddle [m]")
+    noise: Expanded | None = Field(default=None, description="of each elevation, independent of the others [m]")
 
 
 class PaddleUncertainty(RecordUncertainty):
     """Expanded uncertainties of a record that drives the paddle at a confidence of 95 %."""
 
+    noise: Expanded | None = Field(default=None, description="of each value, independent [the unit of the record]")
     file: FileName = Field(description="the record")
 
 
@@ -128,6 +134,10 @@ class RecordFiles(CaseModel):
     clock_offset: Clock = Field(
         default=(0.0, 0.0), description="what is to be added to the times [s]: a number, [smallest, largest], or 'free'"
     )
+
+
+class ComputedFiles(RecordFiles):
+    """Elevations of a computation in a data set with measured ones, whose uncertainties are not its own."""
 
 
 class Section(CaseModel):
@@ -199,6 +209,14 @@ class Dataset(CaseModel):
     files: Annotated[tuple[DataFile, ...], Strict(False)] = Field(default=(), description="what can be downloaded")
     folder: Path = Field(default=Path(), description="where its description was read")
 
+    @field_validator("records")
+    @classmethod
+    def _with_kinds(cls, records: tuple[RecordFiles, ...]) -> tuple[RecordFiles, ...]:
+        """Return records, other sources than ``MEASURED`` as ``ComputedFiles`` if there is that one."""
+        if MEASURED not in (one.source for one in records):
+            return records
+        return tuple(one if one.source == MEASURED else ComputedFiles(**dict(one)) for one in records)
+
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         names, number = Counter(gauge.name for gauge in self.gauges), len(self.gauges)
@@ -261,4 +279,8 @@ def _sentence(details: ErrorDetails) -> str:
     allowed = details["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
     if details["type"] == "extra_forbidden":
         allowed = "is no key of a data set"
+    if details["type"] == "model_type":
+        allowed = f"must be a table of {', '.join(globals()[details['ctx']['class_name']].model_fields)}"
+    if details["type"] == "tuple_type":
+        allowed = "must be a list, [...]"
     return str(Problem(details["loc"], details["input"], allowed))

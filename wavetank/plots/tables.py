@@ -47,6 +47,7 @@ VALIDATION = [
     Column("U_D_contents", "of"),
     Column("u_input", "u_input", "{:.2%}"),
     Column("U_V", "U_V", "{:.2%}"),
+    Column("within", "within", "{:.0%}"),
     Column("validation", "record"),
 ]
 CREST_VALIDATION = [

@@ -19,7 +19,7 @@ from wavetank.case import Case, StillWater
 from wavetank.case.model import LinearWater
 from wavetank.case.paddle import AtRestMotion, RecordedMotion
 from wavetank.data import Dataset
-from wavetank.data.description import PaddleUncertainty
+from wavetank.data.description import DATASET, PaddleUncertainty
 from wavetank.data.places import present
 from wavetank.motion.recorded import read_record
 from wavetank.output.directory import PADDLES, RunDirectory
@@ -37,7 +37,8 @@ def input_uncertainty(run: RunDirectory, data: Dataset) -> DataArray:
     """Return u_input [m] over gauge and time [s], the effect of the uncertainty of the records that drive paddles.
 
     The parts are gain S', clock dS'/dt and the rms of the response to noise. S' is the elevation that the record
-    generates in linear water, with the numerics of the run. Raises ``InputError`` if no record of the run is one of
+    generates in linear water, with the numerics of the run. The attribute ``unstated`` lists the parts that the data do
+    not state, e.g. ``gain of paddle.csv``. Raises ``InputError`` if no record of the run is one of
     the data with an uncertainty, if its case cannot be read or needs more than ``LONGEST``, and ``UntrustedError``
     before the execution of a Python file.
     """
@@ -51,6 +52,8 @@ def input_uncertainty(run: RunDirectory, data: Dataset) -> DataArray:
         if (checksum := checksums.get(f"{wall}.motion.{key}")) in uncertain
     ]
     if not driven:
+        if missing := [one.file for one, path in paths.items() if not path]:
+            raise InputError(f"{data.folder / DATASET}: paddle.file {', '.join(missing)}: no such file")
         raise InputError("the paddle of the run is not driven by a record whose uncertainty the data state")
     case = linear_case(planned(stored_case(run.path), MPI.COMM_SELF).case)
     try:
@@ -60,7 +63,8 @@ def input_uncertainty(run: RunDirectory, data: Dataset) -> DataArray:
     for wall, key, stated, path in driven:
         squares += [part**2 for part in _parts(case, wall, key, stated, path)]
     total: DataArray = sum(squares) ** 0.5
-    return total
+    unstated = [f"{name} of {stated.file}" for *_, stated, _ in driven for name in stated.unstated]
+    return total.assign_attrs(unstated=list(dict.fromkeys(unstated)))
 
 
 def _checksum(path: Path) -> str:

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from wavetank import data
 from wavetank.base.console import console
-from wavetank.base.errors import InputError
+from wavetank.base.errors import InputError, write_errors
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import check_new
 from wavetank.output.manifest import MANIFEST
@@ -71,6 +71,14 @@ def compare(
     terminal.print(f"wrote {', '.join(str(folder / name) for name in names)}", highlight=False)
 
 
+def _create(folder: Path) -> None:
+    """Create the folder of the results; raise ``InputError`` for a file of this name."""
+    if folder.is_file():
+        raise InputError(f"--out {folder}: is a file; allowed is a folder, new or existing.")
+    with write_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+
+
 def _clock(text: str) -> tuple[float, float]:
     """Return the bounds [s] of the offset added to the times of a reference, in the format of a ``dataset.toml``."""
     from pydantic import TypeAdapter
@@ -118,7 +126,7 @@ def _compare_gauges(
     compared, pairs = analysis.compare(computed, measured, clock_offset=offset), analysis.matched(computed, measured)
     harmonic = analysis.compare_harmonics(computed, measured, period=period, start=start) if period else None
     compared, validated, bands = _validate(source, given, pairs, compared)
-    folder.mkdir(parents=True, exist_ok=True)
+    _create(folder)
     tables.write_dataset(folder / "compare.csv", compared)
     frame, shown = compared.to_dataframe().reset_index(), [tables.COMPARISON, *[tables.FITTED] * fit, tables.EXTREMES]
     result: list[Table | str] = [*(tables.terminal_table(frame, one) for one in shown), *validated]
@@ -138,13 +146,18 @@ def _compare_gauges(
 def _validate(source: str, given: data.Dataset | None, pairs: "Pairs", compared: "Dataset") -> "_Validated":
     """Return a comparison with the columns of its validation, tables and lines of these, and U_V by gauge.
 
-    There are none with another run, or without any stated uncertainty.
+    There are none with another run or a computation, or without any stated uncertainty.
     """
+    from wavetank.data.description import ComputedFiles
     from wavetank.plots.tables import CREST_VALIDATION, VALIDATION, terminal_table
     from wavetank.studies.validate import columns, uncertainties, validate
 
     if given is None:
         return _Validated(compared, [], {})
+    reference = given.records[0]
+    if isinstance(reference, ComputedFiles):
+        why = f"{given.name}:{reference.source} is not measured: it has no U_D"
+        return _Validated(compared, [f"not validated: {why}"], {})
     sources = uncertainties(source, given, [measured.gauge.item() for _, measured in pairs])
     each = [*validate(sources, pairs, compared)]
     if not any(one.parts for one in each):
@@ -180,7 +193,7 @@ def _compare_heights(run: RunDirectory, reference: data.Dataset, folder: Path) -
     gauges, incident, measured = run.gauges, reference.heights.incident_height, data.height_series(reference)
     computed = computed_heights(gauges, reference.heights)
     rows = compare_heights(computed, measured, incident=incident)
-    folder.mkdir(parents=True, exist_ok=True)
+    _create(folder)
     frame = data_frame({name: [row[name] for row in rows] for name in rows[0]})
     write_frame(folder / "compare.csv", frame)
     bed = bathymetry(run, gauges)

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 from xarray import DataArray, Dataset
 
 from wavetank import data
@@ -22,6 +23,7 @@ from wavetank.analysis.validation import (
     root_sum_of_squares,
 )
 from wavetank.base.errors import InputError, WavetankError
+from wavetank.data.description import GaugeUncertainty
 from wavetank.output.directory import CERTIFICATE, RunDirectory
 from wavetank.output.manifest import MANIFEST
 
@@ -51,13 +53,14 @@ class Uncertainties(NamedTuple):
 
 
 class GaugeValidation(NamedTuple):
-    """Parts of U_V [m] by name over the compared times t [s], shape (N,), and the validations of record and crest.
+    """E [m] and parts of U_V [m] by name over the compared times t [s], shape (N,); validations of record and crest.
 
     ``contents`` names the parts of U_D.
     """
 
     gauge: str
     t: Array
+    E: Array
     parts: Mapping[str, Array]
     contents: str
     record: Validation
@@ -68,6 +71,11 @@ class GaugeValidation(NamedTuple):
         """The uncertainty U_V [m] over time; 0 without any part."""
         size = root_sum_of_squares([0 * self.t, *self.parts.values()])
         return DataArray(size, {"time": self.t}, ("time",))
+
+    @property
+    def within(self) -> float:
+        """The fraction of samples with |E| <= U_V; not a number without any part."""
+        return float(np.mean(np.abs(self.E) <= self.U_V.values)) if self.parts else np.nan
 
 
 def uncertainties(source: str, reference: data.Dataset, gauges: Sequence[str]) -> Uncertainties:
@@ -91,6 +99,8 @@ def uncertainties(source: str, reference: data.Dataset, gauges: Sequence[str]) -
         notes.append(f"{NUMERICAL}: {why}")
     try:
         response = _response(run, reference)
+        if response.unstated:
+            notes.append(f"{INPUT}: {reference.name} does not state {', '.join(response.unstated)}")
     except (WavetankError, ModuleNotFoundError) as error:  # the latter without the solver
         notes.append(f"{INPUT}: {str(error).removesuffix('.')}")
     return Uncertainties(stated, run, certificate, response, notes)
@@ -129,9 +139,13 @@ def validate(
             parts[MEASURED] = record_uncertainty(t, D, stated, depth=depth or np.inf, gravity=gravity)
         if response is not None:
             parts[INPUT] = response
-        record = Validation(row["nrms"], {name: rms(part) / rms(D) for name, part in parts.items()})
-        crest = _of_crest(sources, computed, row, t, parts)
-        yield GaugeValidation(measured.gauge.item(), t, parts, ", ".join(stated), record, crest)
+        unstated = GaugeUncertainty(**stated).unstated if stated else []
+        if sources.response is not None and INPUT in parts and sources.response.unstated:
+            unstated.append(f"part of {INPUT}")
+        record = Validation(row["nrms"], {name: rms(part) / rms(D) for name, part in parts.items()}, unstated)
+        crest = _of_crest(sources, computed, row, t, parts)._replace(unstated=unstated)
+        E = D - CubicSpline(computed.time.values, computed.values)(t)
+        yield GaugeValidation(measured.gauge.item(), t, E, parts, ", ".join(stated), record, crest)
 
 
 def _at_gauge(values: DataArray | None, computed: DataArray, t: Array) -> Array | None:
@@ -181,4 +195,5 @@ def columns(validations: list[GaugeValidation]) -> dict[str, Any]:
         result |= {f"{prefix}{part}": [one.parts.get(part, np.nan) for one in each] for part in PARTS}
         result |= {f"{prefix}U_V": [one.U_V for one in each], f"{prefix}validation": [one.conclusion for one in each]}
     result["crest_E"] = [one.crest.E for one in validations]
+    result["within"] = [one.within for one in validations]
     return result | {"U_D_contents": [one.contents or None for one in validations]}
