@@ -39,7 +39,7 @@ def row(kind: str, seed: int, accuracy: float) -> Row | None:
     case = planned(scene(kind, seed), MPI.COMM_SELF).case
     try:
         trade = measure_trade(case, MPI.COMM_SELF)
-        numerics = trade.numerics(float(np.clip(trade.ratio(accuracy), *LIMITS)))
+        numerics = trade.numerics(float(np.clip(trade.ratio(accuracy) or 1.0, *LIMITS)))
         chosen = case.model_copy(update={"numerics": numerics})
         run = executed(chosen)
         exact = executed(refined(chosen, run.dt))

@@ -90,9 +90,9 @@ class Trade(NamedTuple):
         return float(np.exp(y[n] + slopes[n] * (np.log(ratio) - x[n])))
 
     def ratio(self, error: float) -> float:
-        """Return the ratio for an error; nan if the other parts exceed it."""
+        """Return the ratio for an error; 0 if the other parts exceed it."""
         if error <= self.rest:
-            return float("nan")
+            return 0.0
         return float((np.sqrt(error**2 - self.rest**2) / self.grid) ** (1.0 / self.order))
 
     def numerics(self, ratio: float) -> Numerics:

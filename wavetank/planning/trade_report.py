@@ -34,11 +34,11 @@ def report_trade(path: Path, overrides: list[str], out: Path | None) -> None:
     sizes = " and ".join(f"{ratio * trade.case.cell_size:.3g} m" for ratio in trade.pilots)
     best, tenth = trade.best_setting, trade.ratio(error / DECADE)
     parts = ", ".join(f"{one.name} {_percent(one.error)}" for one in trade.settings)
-    further = f"a tenth of this error: {trade.cost(tenth) / trade.cost(1.0):.2g} times the CPU time"
+    further = f"a tenth of this error: {trade.cost(tenth) / trade.cost(1.0):.2g} times the CPU time" if tenth else ""
     lines = (
         f"{name}: error of the elevation, by runs on cells of {sizes} ({spent:.2g} CPU s)",
         _table(trade),
-        f"the case: {_percent(error)}, {trade.cost(1.0):.2g} CPU s; {further if tenth == tenth else 'solves limit it'}",
+        f"the case: {_percent(error)}, {trade.cost(1.0):.2g} CPU s; {further or 'cells do not give a tenth of it'}",
         f"parts of its error: {parts}",
         f"pays most: {best.name}; half of its part for {best.factor:.2f} times the CPU time",
         f"wrote {file}",

@@ -125,7 +125,7 @@ def _measured_start(case: Case, comm: MPI.Comm, accuracy: float) -> Case:
     from wavetank.planning.trade import measure_trade  # imports xarray, which is slow
 
     trade = measure_trade(planned(case, comm).case, comm)
-    ratio = float(np.clip(trade.ratio(FIRST * accuracy), 1.0 / MAX_RATIO, max(trade.pilots)))
+    ratio = float(np.clip(trade.ratio(FIRST * accuracy) or 1.0, 1.0 / MAX_RATIO, max(trade.pilots)))
     return trade.case.model_copy(update={"numerics": trade.numerics(ratio)})
 
 
