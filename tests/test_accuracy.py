@@ -79,7 +79,7 @@ def test_each_part_changes_its_own_key():
 def test_key_that_the_case_sets_is_not_changed():
     case, _ = paddle()
     for part, key in {"grid": "cells", "time step": "dt", "parameters": "vertical_order"}.items():
-        with pytest.raises(InputError, match=rf"numerics.{key} = .* causes an uncertainty of 0.03 \({part}\)"):
+        with pytest.raises(InputError, match=rf"numerics.{key} = .* causes an uncertainty of 3 % \({part}\)"):
             finer(case, 0.05, {part: 0.03}, 0.01, Numerics(**{key: NUMERICS[key]}))
     small = finer(case, 0.05, {"grid": 0.03, "time step": 0.002}, 0.01, Numerics(dt=0.05))
     assert small.dt <= 0.05  # a small part does not matter

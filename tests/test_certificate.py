@@ -210,6 +210,7 @@ def test_a_certified_run_states_its_uncertainty(path, tmp_path, wavetank):
     out = tmp_path / "run"
     said = wavetank("run", str(path), "--out", str(out))
     assert said.returncode == 0
+    assert (out / "gauges.png").exists() and "not all figures" not in said.stdout + said.stderr
     assert "numerical uncertainty (95 %): " in said.stdout and "highest crest at a gauge: " in said.stdout
     run = RunDirectory(out)
     assert run.manifest["certificate"]["resolved"]
@@ -255,6 +256,12 @@ def test_damaged_certificate_is_an_error_with_its_name(path, tmp_path):
         file.write_bytes(content)
         with pytest.raises(InputError, match="certificate.nc: is damaged"):
             _ = RunDirectory(tmp_path / "run").certificate
+
+
+def test_missing_certificate_is_an_error_with_its_remedy(path, tmp_path):
+    recorded(path, ("numerics.certify=false",), tmp_path / "run")
+    with pytest.raises(InputError, match="has no certificate; `wavetank run CASE --certify` makes one"):
+        _ = RunDirectory(tmp_path / "run").certificate
 
 
 def test_option_certifies_a_case_that_does_not_ask_for_it(path, tmp_path, wavetank):

@@ -208,6 +208,9 @@ class RunDirectory:
         """
         from xarray import load_dataset
 
+        if not (self.path / CERTIFICATE).exists():
+            stated = self.manifest.get("certificate", {}).get("reason")
+            raise InputError(f"{self.path}: has no certificate; {stated or '`wavetank run CASE --certify` makes one'}.")
         with self._reading(CERTIFICATE), open_regular(self.path / CERTIFICATE) as file:
             content = BytesIO(file.read())
         try:

@@ -53,7 +53,7 @@ def finer(case: Case, dt: float, parts: Mapping[str, float], target: float, requ
         keys = ("order",) if part == "grid" and case.on_mesh_file else KEYS[part]
         if named := [key for key in keys if key in requested.model_fields_set]:
             key = f"numerics.{named[0]} = {getattr(requested, named[0])}"
-            raise InputError(f"{key} causes an uncertainty of {parts[part]:.2g} ({part}): it must be left out")
+            raise InputError(f"{key} causes an uncertainty of {100 * parts[part]:.2g} % ({part}): it must be left out")
     grid, scheme = factors.get("grid", 1.0), INTEGRATORS[case.numerics.integrator]()
     numerics = refined_grid(case, dt, grid ** (1.0 / grid_order(case.numerics.order)))
     longest = dt / min(factors.get("time step", 1.0) ** (1.0 / scheme.order), MAX_RATIO)

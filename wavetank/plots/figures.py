@@ -183,7 +183,7 @@ def _draw_wall(axes: Axes, diagram: Axes, t: Array, x: Array, name: str) -> None
 
 # ---------------------------------------------------------------- gauges
 VISIBLE = 0.03  # height of the band of an uncertainty over that of the record
-MAGNIFICATIONS = 1, 2, 5, 10, 20, 50, 100
+MAGNIFICATIONS = [factor * 10**n for n in range(5) for factor in (1, 2, 5)]
 MAX_PANELS = 24  # largest number of gauges in a picture
 COLUMN = 8  # largest number of panels in one column
 FOCUS = 4.0  # time shown before and after the largest crest [s]
@@ -210,7 +210,7 @@ def gauges_overview(gauges: DataArray, path: Path, *, title: str = "", uncertain
             style.draw_series(panel, gauge.time, style.CM * gauge, color=style.COMPUTED)
             name = f"gauge {gauge.gauge.item()}, x = {float(gauge.x):g} m{across}"
             if uncertainty is not None:
-                name += _draw_band(panel, gauge, uncertainty.sel(gauge=gauge.gauge))
+                name += _draw_band(panel, gauge, uncertainty.sel(gauge=gauge.gauge), height=float(np.ptp(shown.values)))
             panel.set_title(name, pad=2, parse_math=False)
         for panel in order[len(shown) :]:
             panel.set_axis_off()
@@ -220,10 +220,13 @@ def gauges_overview(gauges: DataArray, path: Path, *, title: str = "", uncertain
     return path
 
 
-def _draw_band(panel: Axes, gauge: DataArray, uncertainty: DataArray) -> str:
-    """Draw a record plus and minus its uncertainty, magnified to be visible; return a description."""
+def _draw_band(panel: Axes, gauge: DataArray, uncertainty: DataArray, *, height: float) -> str:
+    """Draw a record plus and minus its uncertainty, magnified to be visible in panels of a height [m].
+
+    Returns a description.
+    """
     largest = float(uncertainty.max())
-    wanted = VISIBLE * float(np.ptp(gauge.values)) / max(largest, 1e-300)
+    wanted = VISIBLE * height / max(largest, 1e-300)
     factor = next((one for one in MAGNIFICATIONS if one >= wanted), MAGNIFICATIONS[-1])
     low, high = (style.CM * (gauge + sign * factor * uncertainty) for sign in (-1, 1))
     panel.fill_between(gauge.time.values, low.values, high.values, color=style.COMPUTED, alpha=0.25, lw=0)

@@ -37,6 +37,7 @@ MAX_RUNS = 3
 COARSE = 2.0  # ratio of cells after a run whose uncertainty is not resolved
 COMPANION = 1.6  # CPU time of a run with its companion over that of its steps
 FIRST = 1 / 3  # predicted error of the first run over the accuracy: the uncertainty is 2.6 times the error
+MISSING = {"crest": ", or fewer than 16 samples a period", "harmonics": ": too few samples a period"}  # causes
 GRID = {"cells", "cell_size", "order", "dt"}  # keys that determine the grid
 RATIOS = np.geomspace(1.1, 4.0, 16)  # sizes of cells over those of the plan within a budget
 
@@ -136,7 +137,7 @@ def _next_numerics(results: "Sequence[Certificate]", accuracy: float, quantity: 
         raise InputError(f"not resolved, as {last.reason}")
     value = last.relative.get(quantity)
     if not last.coarse and value is None:
-        raise InputError(f"not resolved: the records have no {quantity}")
+        raise InputError(f"not resolved: the records have no {quantity}{MISSING.get(quantity, '')}")
     if value is not None and value <= accuracy:
         raise InputError("reached")
     if len(results) == MAX_RUNS:

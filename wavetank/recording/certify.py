@@ -327,7 +327,7 @@ def _at(t: Vector, record: DataArray) -> Vector:
 def summary(data: Dataset) -> Iterator[str]:
     """Yield the lines of a certificate for the log."""
     worst = data.isel(gauge=_worst_gauge(data))
-    which = ", ".join(f"{part.part.item()} {float(part):.1g} m" for part in worst.part_rms)
+    which = ", ".join(f"{part.part.item()} {float(part):.2g} m" for part in worst.part_rms)
     relative = float(data.relative_uncertainty.sel(quantity="gauges"))
     largest = f"{relative * float(worst.elevation_rms):.2g} m rms at gauge {worst.gauge.item()}"
     yield f"numerical uncertainty (95 %): {largest}, {100 * relative:.2g} % of its elevation: {which}"
