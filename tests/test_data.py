@@ -399,7 +399,7 @@ def test_one_gauge_in_common_is_enough(run, folder, tmp_path):
     ("text", "said"),
     [
         ("0.0,1.0\n0.1,2.0\n", "its first line must name the columns"),
-        ("t,1 [mm]\n0.0,1.0\n", r"column '1 \[mm\]' received; a table is in s and m, or has a dataset.toml"),
+        ("t,1 [ft]\n0.0,1.0\n", r"line 1: column '1 \[ft\]' received; allowed are the units m, cm, mm"),
         ("t,1\n0.0,1.0\n0.1,\n", "line 3: '0.1,' received; allowed are finite numbers, as many in each row"),
         ("t,1@x=2,1@x=3\n0.0,1.0,2.0\n", "mine.csv: gauges: '1' is the name of several; each must have its own"),
         ("t,1\n0.0,1.0\n0.0,2.0\n", "line 3: time 0 received after 0; times must ascend"),

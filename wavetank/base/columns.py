@@ -17,6 +17,13 @@ Array = NDArray[np.float64]
 CELL = re.compile(r"[-+]?\d*(,\d+)?([eE][-+]?\d+)?")  # a number with a decimal comma, or an integer
 
 
+class Header(NamedTuple):
+    """The first line of a file without comments: its number, and the names of the columns; empty if it has numbers."""
+
+    line: int
+    names: tuple[str, ...]
+
+
 class ColumnTable(NamedTuple):
     """The content of a file of columns.
 
@@ -47,10 +54,7 @@ def read_columns(
     for number, line in _lines(path):
         if _has_decimal_commas(line):
             raise InputError(f"{path}, line {number}: {line!r} received: decimal commas; allowed are decimal points.")
-        try:
-            row = [float(cell) for cell in re.sub("[,;]", " ", line).split()]
-        except ValueError:
-            row = []
+        row = _row(line)
         if not (row or columns):
             names = _names(line)
         elif not (len(row) == (columns or len(row)) and np.isfinite(row).all()):
@@ -60,6 +64,20 @@ def read_columns(
             numbers.append(number)
         columns = columns or len(row or names)
     return ColumnTable(names, np.array(rows).reshape(len(rows), columns), tuple(numbers))
+
+
+def read_header(path: Path) -> Header:
+    """Return the header of a file, without its rows; raises ``InputError`` if the file cannot be read."""
+    number, line = next(iter(_lines(path)), (1, ""))
+    return Header(number, () if _row(line) else _names(line))
+
+
+def _row(line: str) -> list[float]:
+    """Return the numbers in a line; empty if it has other cells."""
+    try:
+        return [float(cell) for cell in re.sub("[,;]", " ", line).split()]
+    except ValueError:
+        return []
 
 
 def _has_decimal_commas(line: str) -> bool:

@@ -6,16 +6,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from wavetank import data
-from wavetank import motion as motions
-from wavetank.base.case_model import CaseModel, Check, FilePath, about
-from wavetank.base.errors import InputError
+from wavetank.base.case_model import CaseModel, Check
 from wavetank.base.quantities import (
     Coordinate,
     Count,
     Duration,
     Fraction,
-    Frequency,
     Height,
     Label,
     Length,
@@ -25,8 +21,8 @@ from wavetank.base.quantities import (
     Triple,
     metres,
 )
-from wavetank.case.tank import BasinTank, Context, in_tank, inside, read_file
-from wavetank.motion.recorded import read_record
+from wavetank.case.elevation_file import ElevationFile
+from wavetank.case.tank import BasinTank, Context, in_tank, inside
 
 
 # ---------------------------------------------------------------- gauges
@@ -159,9 +155,6 @@ class Window(CaseModel):
 
 
 # ---------------------------------------------------------------- targets of `wavetank calibrate`
-TARGET_KEY = "target"
-
-
 class _Placed(CaseModel):
     """A target at a position."""
 
@@ -196,35 +189,13 @@ class ComponentsTarget(_Placed):
     tolerance: Fraction = Field(default=0.02, description="relative rms error of their elevation")
 
 
-class RecordTarget(_Placed):
+class RecordTarget(_Placed, ElevationFile):
     """The elevation of a record at a position; the type of `wall.motion` does not matter."""
 
     type: Literal["record"] = "record"
-    file: FilePath = Field(description="file of t [s] and eta [m]; with a gauge a CSV file or data set, as in compare")
-    gauge: Label | None = Field(default=None, description="name of the gauge in the file; default: its only record")
-    delay: Time = Field(default=0.0, description="added to the times of the file [s]")
     start: Time | None = Field(default=None, description="start of the target [s]; default: that of the record")
     end: Time | None = Field(default=None, description="end of the target [s]; default: that of the record or run")
-    lowest_frequency: Frequency | None = Field(
-        default=None, description="lowest generated frequency [Hz]; default a quarter of the mean"
-    )
-    highest_frequency: Frequency | None = Field(
-        default=None, description="highest generated frequency [Hz]; default four times the mean"
-    )
     tolerance: Fraction = Field(default=0.02, description="relative rms error of the record, at these frequencies only")
-
-    def record(self) -> tuple[motions.Array, motions.Array]:
-        """Return delayed times [s] and elevations [m], shape (N,) each; raises ``CaseError`` if they cannot be read."""
-        if self.gauge is None:
-            t, eta = read_file(self.file, lambda path: read_record(path, column="elevation [m]"), TARGET_KEY, "file")
-            return t + self.delay, eta
-        with about(TARGET_KEY, "file", received=self.file):
-            records = data.gauge_records(data.opened(self.file.removeprefix("data:")))[0]
-            if self.gauge not in records.gauge:
-                have = ", ".join(records.gauge.values)
-                raise InputError(f"{self.file}: has no gauge {self.gauge!r}; there are {have}.")
-        record = records.sel(gauge=self.gauge).dropna("time")
-        return record.time.values + self.delay, record.values
 
 
 Target = Annotated[

@@ -28,10 +28,11 @@ from wavetank.base.formula import Formula
 from wavetank.base.python_file import load
 from wavetank.base.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp, Time
 from wavetank.base.run_warning import RunWarning
+from wavetank.case.elevation_file import ElevationFile
 from wavetank.case.tank import AnyTank, BasinTank, Context, in_tank, read_file
 from wavetank.mesh import MeshFile
 from wavetank.motion.motion import widest_segment
-from wavetank.motion.recorded import hermite, in_metres, read_record
+from wavetank.motion.recorded import check_gaps, hermite, in_metres, read_record
 from wavetank.waves import airy, spectra
 from wavetank.waves.focusing import Fan, FocusedGroup, ReflectedGroup
 from wavetank.waves.measured import TargetElevation, read_components, target_elevation
@@ -334,25 +335,18 @@ class ComponentFile(GeneratingMotion):
         return self.along(tank, f, self.scale * a, phase + np.radians(self.phase), angles=angles, time=self.time)
 
 
-class SurfaceFile(GeneratingMotion):
+class SurfaceFile(GeneratingMotion, ElevationFile):
     """Waves with a given elevation at a position, from a file."""
 
-    file: FilePath = Field(description="file of t [s] and eta [m]")
     x: Length = Field(description="x of the elevation [m]")
-    delay: Time = Field(default=0.0, description="added to the times of the file [s]")
-    lowest_frequency: Frequency | None = Field(
-        default=None, description="lowest generated frequency [Hz]; default a quarter of the mean"
-    )
-    highest_frequency: Frequency | None = Field(
-        default=None, description="highest generated frequency [Hz]; default four times the mean"
-    )
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two mean periods")
 
     def wished(self) -> TargetElevation:
         """Return the elevation; raises ``CaseError`` if the file cannot be read, or has no such waves."""
-        t, eta = read_file(self.file, lambda path: read_record(path, column="elevation [m]"), *FILE_KEY)
+        t, eta = self.record(*MOTION_KEY)
         with about(*FILE_KEY, received=self.file):
-            return target_elevation(t + self.delay, eta, band=(self.lowest_frequency, self.highest_frequency))
+            check_gaps(self.file, t - self.delay, eta)
+            return target_elevation(t, eta, band=(self.lowest_frequency, self.highest_frequency))
 
     @property
     def direction(self) -> float:

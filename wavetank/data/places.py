@@ -1,20 +1,30 @@
 """Folders of data sets: ``$WAVETANK_DATA/NAME``, ``../shared/data/NAME`` next to the checkout, and the cache."""
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 from pydantic import ValidationError
 
 from wavetank.base.cache import places
-from wavetank.base.columns import read_columns
+from wavetank.base.columns import Header, read_header
 from wavetank.base.errors import InputError
-from wavetank.data.description import DATASET, Dataset, GaugePosition, RecordFiles, read_dataset, refused
+from wavetank.data.description import (
+    DATASET,
+    METRES,
+    SECONDS,
+    Dataset,
+    GaugePosition,
+    RecordFiles,
+    Units,
+    read_dataset,
+    refused,
+)
 from wavetank.output.columns import parse_position_label
 
 PART = "data"  # name of the folder in the cache
 HERE = Path(__file__).resolve().parent
 BUILT_IN = HERE / "known"
-UNITS = ("", "s", "m")  # assumed units of a table without a description
 
 
 def folders() -> list[Path]:
@@ -63,21 +73,27 @@ def opened(reference: str) -> Dataset:
 
 
 def plain(path: Path) -> Dataset:
-    """Return a table as a data set: the first column is the time [s], the header names the gauges [m] of the others.
+    """Return a table as a data set: the first column is the time, the header names the gauges of the others.
 
-    A name may contain the position, ``5@x=50`` or ``5@x=50;y=2``, as in ``gauges.csv`` of a run. Raises ``InputError``
-    for a file without a header, for other units, and for gauges of equal names.
+    A name may contain the position, ``5@x=50`` or ``5@x=50;y=2``, as in ``gauges.csv`` of a run, and a unit of
+    ``SECONDS`` or ``METRES``, ``5 [mm]``; without one it is the first. Raises ``InputError`` for a file without a
+    header, for other units, and for gauges of equal names.
     """
-    columns = read_columns(path).names
-    if len(columns) < 2:
+    header = read_header(path)
+    if len(header.names) < 2:
         raise InputError(f"{path}: its first line must name the columns: the time [s], then the gauges [m].")
-    plain_names = [_without_unit(path, name) for name in columns[1:]]
-    gauges = [_gauge(name) for name in plain_names]
-    numbers = tuple(range(2, len(columns) + 1))
-    _without_unit(path, columns[0])
-    records = RecordFiles(files=(path.name,), columns=numbers, source=path.stem)
+    _, time = _name_and_unit(path, header, 0, SECONDS)
+    columns = range(1, len(header.names))
+    names, units = zip(*(_name_and_unit(path, header, n, METRES) for n in columns), strict=True)
+    records = RecordFiles(
+        files=(path.name,),
+        columns=tuple(n + 1 for n in columns),
+        source=path.stem,
+        units=Units.model_validate({"time": time}),
+        gains=tuple(METRES[unit] for unit in units),
+    )
     try:
-        return Dataset(name=path.stem, folder=path.parent, gauges=tuple(gauges), records=(records,))
+        return Dataset(name=path.stem, folder=path.parent, gauges=tuple(map(_gauge, names)), records=(records,))
     except ValidationError as error:
         raise refused(path, error) from None
 
@@ -90,7 +106,7 @@ def units_note(reference: str) -> str:
     path = Path(reference)
     if reference in names() or path.name == DATASET or not path.is_file():
         return ""
-    time, *columns = read_columns(path).names
+    time, *columns = read_header(path).names
     silent = [name for name in columns if "[" not in name and "@" not in name]
     if not silent:
         return ""
@@ -98,11 +114,15 @@ def units_note(reference: str) -> str:
     return f"{path}: {units}, as its first line says no units; a {DATASET} beside it says others"
 
 
-def _without_unit(path: Path, column: str) -> str:
+def _name_and_unit(path: Path, header: Header, number: int, units: Mapping[str, float]) -> tuple[str, str]:
+    """Return name and unit of a column; without a unit it is the first of the units."""
+    column = header.names[number]
     name, _, unit = column.removesuffix("]").partition("[")
-    if unit not in UNITS:
-        raise InputError(f"{path}: column {column!r} received; a table is in s and m, or has a {DATASET} beside it.")
-    return name.strip()
+    unit = unit.strip() or next(iter(units))
+    if unit not in units:
+        allowed = f"allowed are the units {', '.join(units)}"
+        raise InputError(f"{path}, line {header.line}: column {column!r} received; {allowed}.")
+    return name.strip(), unit
 
 
 def _gauge(column: str) -> GaugePosition:

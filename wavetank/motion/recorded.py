@@ -30,7 +30,8 @@ def hermite(t: Array, X: Array, velocity: Array, acceleration: Array) -> "scipy.
     return scipy.interpolate.PPoly(np.stack([c5, c4, c3, a[:-1] / 2, v[:-1], X[:-1]]), t)
 
 
-TIME, STATE = "t [s]", ("position [m]", "velocity [m/s]", "acceleration [m/s^2]")
+TIME, ELEVATION, STATE = "t [s]", "elevation [m]", ("position [m]", "velocity [m/s]", "acceleration [m/s^2]")
+MIN_ROWS = 4
 MAX_INTERVALS, MAX_PERIODS = 10.0, 0.25  # largest gap between rows, in median intervals and in periods of the motion
 _ALLOWED = "allowed are two finite numbers, a time [s] and a value, separated by blanks or a comma"
 
@@ -67,16 +68,21 @@ def read_record(path: Path, *, column: str = "position [m]", named: str | None =
         )
     if "[" in time and not time.endswith("[s]"):
         raise InputError(f"{path}: its first column is {time!r}; allowed are times in seconds, such as {TIME!r}.")
-    if len(lines) < 4:
-        raise InputError(f"{path}: {len(lines)} rows received; at least 4 are needed for a cubic spline.")
+    check_rows(path, len(lines))
     t, *state = (values[:, names.index(name)] for name in (time, *derivatives))
     check_ascending(path, lines, t)
-    check_gaps(path, lines, t, state[0])
+    check_gaps(path, t, state[0], lines)
     return t, *state
 
 
-def check_gaps(path: Path, lines: Sequence[int], t: Array, values: Array) -> None:
-    """Raise ``InputError``, which names the line, for a gap between two rows that is too long to interpolate.
+def check_rows(path: Path | str, rows: int) -> None:
+    """Raise ``InputError`` for too few rows of a record."""
+    if rows < MIN_ROWS:
+        raise InputError(f"{path}: {rows} rows received; at least {MIN_ROWS} are needed for a cubic spline.")
+
+
+def check_gaps(path: Path | str, t: Array, values: Array, lines: Sequence[int] = ()) -> None:
+    """Raise ``InputError`` for a gap between two rows that is too long to interpolate; it names a given line.
 
     Intervals up to ten median intervals are allowed, and up to a quarter of the motion's period: over that a cubic
     through values and slopes at both ends has an error of 2 % of a sine's amplitude. The period is that of the sine
@@ -88,8 +94,9 @@ def check_gaps(path: Path, lines: Sequence[int], t: Array, values: Array) -> Non
     period = np.pi * float(np.ptp(values)) / rate if rate else np.inf
     allowed = max(MAX_INTERVALS * usual, MAX_PERIODS * period)
     if intervals[widest] > allowed:
+        where = f"{path}, line {lines[widest + 1]}" if lines else path
         raise InputError(
-            f"{path}, line {lines[widest + 1]}: gap of {intervals[widest]:.4g} s after t = {t[widest]:.6g} s; "
+            f"{where}: gap of {intervals[widest]:.4g} s after t = {t[widest]:.6g} s; "
             f"allowed are {allowed:.3g} s (median interval {usual:.3g} s, period about {period:.3g} s): add rows."
         )
 

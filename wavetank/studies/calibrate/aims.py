@@ -34,6 +34,7 @@ from xarray import DataArray, Dataset
 from wavetank.analysis.compare import rms
 from wavetank.base.case_model import CaseError, Problem, about
 from wavetank.case import LinearWater
+from wavetank.case.elevation_file import ElevationFile
 from wavetank.case.initial import STEEPEST
 from wavetank.case.model import Case
 from wavetank.case.output import ComponentsTarget, CrestTarget, RecordTarget, Target
@@ -499,8 +500,7 @@ def implied_target(case: Case) -> Target:
     if isinstance(motion, FocusedMotion) and motion.phase == 0.0:
         return CrestTarget(height=motion.linear_crest, x=motion.focus_x, time=motion.focus_time)
     if isinstance(motion, SurfaceMotion):
-        named = ("file", "x", "delay", "lowest_frequency", "highest_frequency")
-        return RecordTarget(**{name: getattr(motion, name) for name in named})
+        return RecordTarget(x=motion.x, **{name: getattr(motion, name) for name in ElevationFile.model_fields})
     allowed = "is missing: only a focused crest and a motion of type surface imply a target"
     raise CaseError([Problem(("target",), None, allowed)])
 
@@ -567,7 +567,7 @@ def _checked_arrival(aim: RecordAim, case: Case, most: float) -> Aim:
 
 def _target_window(target: RecordTarget, case: Case) -> tuple[Array, Array]:
     """Return the times [s] and elevations [m] of a record from its start to its end."""
-    t, eta = target.record()
+    t, eta = target.record("target")
     start, end = (default if text is None else text for text, default in ((target.start, 0.0), (target.end, np.inf)))
     inside = (t >= max(start, 0.0)) & (t <= min(end, case.run.duration))
     if np.count_nonzero(inside) < MIN_ROWS:
