@@ -1,10 +1,11 @@
-"""The record of a gauge as a motion of type surface, a target of a calibration and a comparison read it from a file."""
+"""Records of gauges from files: of a motion of type surface, the target of a calibration, a comparison; their waves."""
 
 import gzip
 
 import numpy as np
 import pytest
-from case_builders import build_case
+from case_builders import build_case, piston
+from conftest import CHECKOUT, commanded
 from pydantic import ValidationError
 
 from wavetank import data
@@ -14,6 +15,7 @@ from wavetank.case.paddle import DirectionalSurfaceMotion, SurfaceMotion
 from wavetank.case.reading import read_case
 from wavetank.data import DATASET
 from wavetank.studies.calibrate.aims import implied_target
+from wavetank.waves.measured import target_elevation
 
 T = np.arange(0.0, 20.0, 0.05)
 X10, X20 = (0.02 * np.cos(5.0 * (T - delay)) * np.exp(-(((T - 10 - delay) / 3) ** 2)) for delay in (0.0, 0.4))
@@ -155,3 +157,124 @@ def test_motion_of_one_gauge_is_that_of_a_file_of_it_alone(tmp_path):
         assert (target.file, target.gauge, target.delay) == (keys["file"], keys.get("gauge"), 9.0)
     np.testing.assert_allclose(*motions, atol=1e-12)
     assert np.abs(motions[0]).max() > 0.005
+
+
+# ---------------------------------------------------------------- the highest frequency of a record
+LONG = np.arange(0.0, 200.0, 0.02)
+
+
+def sea(highest, *, size=0.02, t=LONG):
+    """Return a sea of a JONSWAP-like tail from 0.25 Hz to the highest frequency [Hz], with a peak at 0.5 Hz."""
+    f = np.linspace(0.25, highest, 1000)
+    amplitudes = np.sqrt(f**-5 * np.exp(-1.25 * (0.5 / f) ** 4))
+    phases = np.random.default_rng(1).uniform(0.0, 2.0 * np.pi, f.size)
+    eta = sum(a * np.cos(2.0 * np.pi * one * t + phase) for one, a, phase in zip(f, amplitudes, phases, strict=True))
+    return size * eta / eta.std()
+
+
+def noise(size):
+    """Return white noise of a standard deviation [m]."""
+    return size * np.random.default_rng(2).standard_normal(LONG.size)
+
+
+def limit(eta, *, t=LONG, highest=None):
+    """Return the highest frequency of the waves of a record, and four times its mean frequency [Hz]."""
+    waves = target_elevation(t, eta, band=(None, highest))
+    return waves.frequencies[-1], 4.0 * waves.mean_frequency
+
+
+@pytest.mark.parametrize("highest", [1.0, 1.5, 2.0])
+def test_record_without_noise_is_generated_to_its_highest_wave(highest):
+    assert highest < limit(sea(highest))[0] <= limit(sea(highest))[1]
+
+
+@pytest.mark.parametrize(("components", "most"), [((0.5,), 1.05), ((0.5, 1.5), 1.9), ((0.5, 0.75, 1.9), 2.2)])
+def test_small_wave_of_high_frequency_is_generated(components, most):
+    """With noise, too, which is excluded from some bands above it on."""
+    eta = sum(0.02 * 10**-n * np.cos(2 * np.pi * f * LONG) for n, f in enumerate(components))
+    assert limit(eta)[0] > components[-1]
+    assert components[-1] < limit(eta + noise(5e-4))[0] < most
+
+
+@pytest.mark.parametrize("size", [1e-4, 1e-3])
+def test_noise_above_the_waves_is_not_generated(size):
+    eta = sea(1.0) + noise(size)
+    cut, largest = limit(eta)
+    assert 1.0 < cut < 1.35 < largest
+    assert limit(eta, highest=1.8)[0] == pytest.approx(1.8, abs=0.01)
+    again, largest = limit(sea(1.0, size=2.0) + 100 * noise(size))
+    assert again == cut and largest > 2.0
+
+
+def test_tail_of_a_steep_sea_is_generated_to_one_percent_of_its_energy():
+    """Oracle: the sum of the energies of its components."""
+    f = np.linspace(0.25, 10.0, 100_000)
+    energy = np.cumsum(f**-5 * np.exp(-1.25 * (0.5 / f) ** 4))
+    assert limit(sea(10.0))[0] == pytest.approx(f[np.searchsorted(energy, 0.99 * energy[-1])], rel=0.1)
+
+
+def test_coarse_record_is_generated_to_four_times_its_mean_frequency():
+    """Sampled at 8 Hz it has the background up to 4 Hz, 6.6 times its mean frequency, alone."""
+    t = LONG[::6] * 0.125 / 0.12
+    cut, largest = limit(sea(1.0, t=t) + noise(1e-3)[::6], t=t)
+    assert cut == pytest.approx(largest, abs=0.01) and largest > 2.0
+
+
+def test_fast_decay_above_four_times_the_mean_frequency_is_no_background():
+    """Bound waves of a computed record: extrapolated with f^-16 they would exceed the waves below."""
+    f = np.linspace(2.0, 8.0, 1000)
+    phases = np.random.default_rng(3).uniform(0.0, 2.0 * np.pi, f.size)
+    bound = sum((2 / one) ** 8 * np.cos(2 * np.pi * one * LONG + phase) for one, phase in zip(f, phases, strict=True))
+    waves = sea(2.0)
+    assert limit(waves + 1e-4 * bound)[0] > 2.0
+
+
+def test_short_waves_of_much_energy_are_generated_to_four_times_the_mean_frequency():
+    """3 % of the energy is at 5.2 times the mean frequency."""
+    eta = 0.02 * np.cos(2 * np.pi * 0.05 * LONG) + 0.0035 * np.cos(2 * np.pi * 0.3 * LONG)
+    cut, largest = limit(eta)
+    assert 0.9 * largest < cut <= largest < 0.25
+
+
+def surface_case(path, **more):
+    """Return the tables of a case whose piston reproduces a gauge."""
+    keys = {"type": "surface", "file": str(path), "gauge": "x10", "x": 4.0, "delay": 9.0, **more}
+    return {"tank": {"length": 20.0, "depth": 1.0}, "wall": {"type": "piston", "motion": keys}, "duration": 25.0}
+
+
+def test_case_states_the_frequencies_of_a_record(tmp_path):
+    path = table(tmp_path / "gauges.csv", "t,x10,x20", T, X10, X20)
+    default, given = (
+        build_case(**surface_case(path, **more)).generated_bands for more in ({}, {"highest_frequency": 1.25})
+    )
+    assert given[0].startswith("wall.motion: waves of 0.2")
+    assert given[0].endswith(" to 1.25 Hz of the record are generated")
+    assert default[0].endswith("; highest_frequency replaces the limit of its spectrum")
+    assert build_case(wall=piston(2.0)).generated_bands == []
+
+
+@pytest.mark.parametrize(("command", "bed"), [("run", False), ("plan", False), ("plan", True)])
+def test_command_prints_the_frequencies_of_a_record_once(tmp_path, command, bed):
+    table(tmp_path / "gauges.csv", "t,x10,x20", T, X10, X20)
+    (tmp_path / "case.toml").write_text(
+        "[tank]\nlength = 20.0\ndepth = 1.0\n"
+        + "bed = {type = 'beach', start = 12.0, slope = 0.02}\n" * bed
+        + "[run]\nduration = 0.5\n[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'surface'\nfile = 'gauges.csv'\n"
+        "gauge = 'x10'\nx = 4.0\ndelay = 9.0\n"
+        + "[numerics]\ncells = 40\nvertical_order = 4\ndt = 0.05\n"
+        * (command == "run")
+    )
+    said = commanded(
+        command, str(tmp_path / "case.toml"), *["--no-plots", "--out", str(tmp_path / "run")] * (command == "run")
+    )
+    assert said.returncode == 0, said.stderr
+    assert (said.stdout + said.stderr).count("wall.motion: waves of 0.2") == 1
+
+
+def test_breaking_record_of_marin_is_limited():
+    """Its former limit was 4 f_m = 2.75 Hz (docs/waves.md)."""
+    path = CHECKOUT.parent / "shared" / "data" / "marin_204001_draupner" / "gauges.csv.gz"
+    if not path.exists():
+        pytest.skip("needs the record of MARIN's test case 204001")
+    waves = SurfaceMotion(file=str(path), gauge="x10", x=10.0, delay=25.0).wished()
+    assert 1.5 < waves.frequencies[-1] < 1.8 < 4.0 * waves.mean_frequency

@@ -29,7 +29,9 @@ class ElevationFile(CaseModel):
         default=None, description="lowest generated frequency [Hz]; default a quarter of the mean"
     )
     highest_frequency: Frequency | None = Field(
-        default=None, description="highest generated frequency [Hz]; default four times the mean"
+        default=None,
+        description="highest generated frequency [Hz]; default that of the waves above the background of the "
+        "spectrum, at most four times the mean",
     )
 
     def record(self, *key: str) -> tuple[Array, Array]:

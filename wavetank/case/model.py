@@ -129,6 +129,12 @@ class Case(CaseModel):
         return [f"generation of {key}.motion: linear, as {reason}" for key, reason in reasons.items() if reason]
 
     @property
+    def generated_bands(self) -> list[str]:
+        """A line for each paddle that generates the waves of a record, with their frequencies."""
+        notes = {paddle.key: paddle.wall.motion.band_note() for paddle in self.paddles}
+        return [f"{key}.motion: {note}" for key, note in notes.items() if note]
+
+    @property
     def motions_end(self) -> float:
         """The end of the first motion that ends [s]; ``inf`` if none does."""
         return min((paddle.motion().duration for paddle in self.paddles), default=np.inf)

@@ -81,6 +81,10 @@ class MotionModel(CaseModel):
         """Return the period [s] of a motion of one period; None for others."""
         return None
 
+    def band_note(self) -> str:
+        """Return the frequencies that are generated of a record; empty for motions without one."""
+        return ""
+
     def problem(self, wall: str, keys: Sequence[str], allowed: str) -> Problem:
         """Return a problem of the motion of a wall at the first of some keys, or of its values, that is set."""
         key = next(key for key in (*keys, *VALUES, "type") if getattr(self, key, None) is not None)
@@ -358,6 +362,12 @@ class SurfaceFile(GeneratingMotion, ElevationFile):
         surface = self.wished()
         waves = surface.frequencies, surface.amplitudes, surface.phases
         return self.along(tank, *waves, angles=self.direction, time=surface.begin)
+
+    def band_note(self) -> str:
+        """Return the frequencies that are generated of the record, and the key of a limit that is by default."""
+        f = self.wished().frequencies
+        note = f"waves of {f[0]:.3g} to {f[-1]:.3g} Hz of the record are generated"
+        return note if self.highest_frequency else f"{note}; highest_frequency replaces the limit of its spectrum"
 
     def default_ramp(self, tank: AnyTank) -> float:
         """Return two mean periods [s]."""

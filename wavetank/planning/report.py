@@ -71,6 +71,7 @@ def _report_trial(given: Case, why: str, terminal: Console) -> None:
         *(f"paddle of {view.key}: {absorbs}" for view in case.paddles if (absorbs := absorption(view))),
         sponge_message(case, waves),
         *case.linear_generation,
+        *case.generated_bands,
         *_energy(case),
     )
     warnings = *warnings, *run_warnings(case, clock, waves, accuracy=given.numerics.accuracy)
@@ -92,7 +93,10 @@ def _report_plan(given: Case, name: str, accuracy: float | None, terminal: Conso
     required = (given.numerics.accuracy or DEFAULT) if accuracy is None else accuracy
     proposed = (default_plan(given) if accuracy is None else None) or make_plan(given, required)
     _print(terminal, [f"{name}, to a relative error of the elevation of {proposed.accuracy:g}:"])
-    _print(terminal, (f"  {reason}" for reason in (*proposed.reasons, *_energy(proposed.applied_to(given)))))
+    _print(
+        terminal,
+        (f"  {reason}" for reason in (*proposed.reasons, *given.generated_bands, *_energy(proposed.applied_to(given)))),
+    )
     plans = {"plan": proposed}
     if not given.numerics.open:
         plans["as the case stands"] = own_plan(resolved(given), required)

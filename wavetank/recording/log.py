@@ -181,6 +181,7 @@ def opening_lines(recorded: RecordedRun, *, resumed: bool) -> list[str]:
         bed_message(case, waves),
         sponge_message(case, waves),
         *case.linear_generation,
+        *case.generated_bands,
         "" if resumed else start_message(case, waves, run.state.q),
         ranks_message(waves),
         end_message(case, run.clock),

@@ -64,6 +64,47 @@ TAPERED = 0.02  # tapered fraction of the record at each end
 MAX_ROWS = 2**18  # largest number of samples
 
 
+HIGHEST_OF_MEAN = 4.0  # highest frequency of waves over the mean frequency
+BAND_RATIO = 1.1  # upper over lower edge of a band in which energies are averaged
+BANDS = range(-14, 12)  # bands from 1.05 to 12.6 times the mean frequency; those from 0 on have the background alone
+MIN_BANDS = 8  # least number of bands of the background, up to 8.6 times the mean frequency
+STEEPEST_BACKGROUND = 5.0  # exponent of Phillips' tail
+MIN_OVER_BACKGROUND = 4.0  # energy of waves over that of the background
+NEGLECTED_ENERGY = 0.01  # largest part of the energy that is excluded
+
+
+def highest_wave(f: Array, energy: Array, mean: float) -> float:
+    """Return the highest frequency [Hz] at which a record has waves above its background.
+
+    The background is proportional to f^-p, 0 <= p <= 5, fitted to the energies above four times the mean frequency:
+    p = 0 for white noise, 5 for the tail of a steep sea. The result is the upper edge of the highest band with more
+    than four times the background, but 1 % of the energy at most is above it unless it is four times the mean
+    frequency, the largest result. It is that for a record that is sampled too coarsely for a fit.
+
+    Parameters
+    ----------
+    f, energy
+        Frequencies [Hz], equally spaced from 0, and energies of the components, up to a factor, shape (N,).
+    mean
+        Mean frequency of the energy [Hz].
+    """
+    highest, number = HIGHEST_OF_MEAN * mean, np.array(BANDS)
+    edges = highest * BAND_RATIO ** np.append(number, number[-1] + 1.0)
+    rows, total = np.searchsorted(f, edges), np.append(0.0, np.cumsum(energy))
+    used = np.diff(rows) > 0
+    mean_energy = np.diff(total[rows])[used] / np.diff(rows)[used]
+    number, level = number[used], np.log(np.maximum(mean_energy, np.finfo(float).tiny))
+    above = number >= 0
+    if np.count_nonzero(above) < MIN_BANDS:
+        return highest
+    x = number * np.log(BAND_RATIO)
+    slope = np.clip(np.polyfit(x[above], level[above], 1)[0], -STEEPEST_BACKGROUND, 0.0)
+    excess = level - slope * x - np.median((level - slope * x)[above])
+    waves = edges[1:][used][~above & (excess > np.log(MIN_OVER_BACKGROUND))]
+    least = f[np.searchsorted(total[1:], (1.0 - NEGLECTED_ENERGY) * total[-1])]
+    return float(min(highest, max(least, waves.max(initial=0.0))))
+
+
 class TargetElevation(NamedTuple):
     """A target elevation as a sum of components a cos(2 pi f (t - begin) + phase).
 
@@ -88,7 +129,8 @@ class TargetElevation(NamedTuple):
 def target_elevation(t: Array, eta: Array, *, band: tuple[float | None, float | None]) -> TargetElevation:
     """Return the components of elevations [m] at ascending times t [s], shape (N,).
 
-    ``band`` has the lowest and the highest frequency [Hz], by default a quarter of and four times the mean frequency.
+    ``band`` has the lowest and the highest frequency [Hz], by default a quarter of the mean frequency and
+    ``highest_wave``.
     Raises ``InputError`` if the band has no waves or too many components, or if the record is too long.
     """
     rows = int(np.ceil(np.ptp(t) / np.diff(t).min() * (1 - 1e-9))) + 1
@@ -106,7 +148,7 @@ def target_elevation(t: Array, eta: Array, *, band: tuple[float | None, float | 
     if not energy.sum() > 0.0:
         raise InputError("no waves received: the surface is level.")
     mean = float(energy @ f / energy.sum())
-    lowest, highest = band[0] or mean / 4.0, band[1] or 4.0 * mean
+    lowest, highest = band[0] or mean / 4.0, band[1] or highest_wave(f, energy, mean)
     selected = (f >= lowest) & (f <= highest) & (f > 0.0)
     if not (0 < selected.sum() <= MAX_COMPONENTS and energy[selected].sum() > 0.0):
         received = f"{selected.sum()} components from {lowest:g} to {highest:g} Hz received"
