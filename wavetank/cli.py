@@ -30,6 +30,7 @@ from wavetank.plots.analyse_command import analyse
 from wavetank.plots.view_command import view
 from wavetank.studies.command import calibrate, study
 from wavetank.studies.compare_command import compare
+from wavetank.studies.validate_command import validate
 
 Trust = Annotated[bool, typer.Option("--trust", help="execute the Python files that the case or the run names")]
 
@@ -263,6 +264,7 @@ COMMANDS: dict[Callable[..., None], str] = {  # in the order of use, each with a
     status: "status runs",
     may_execute(view): "view runs/focusing --film runs/focusing/view.mp4",
     may_execute(compare): "compare runs/marin-202002 --with marin-202002",
+    may_execute(validate): "validate marin-202002",
     may_execute(analyse): "analyse runs/focusing spectrum groups",
     may_execute(study): "study cases/standing-wave.toml --sweep dt=0.02,0.01",
     may_execute(calibrate): "calibrate cases/focusing.toml",

@@ -7,17 +7,20 @@ from urllib.parse import quote
 
 from wavetank.base.cache import writable
 from wavetank.base.columns import read_columns
-from wavetank.base.errors import WavetankError
-from wavetank.data.description import DataFile, Dataset
-from wavetank.data.places import PART, dataset
+from wavetank.base.errors import InputError, WavetankError
+from wavetank.data.description import DATASET, DataFile, Dataset
+from wavetank.data.places import BUILT_IN, PART, dataset
 
 
 def fetch(name: str) -> Path:
     """Download a data set to the user's cache, unless it is there, and return its folder.
 
-    Raises ``InputError`` for an unknown name, ``WavetankError`` if no address provides a file with the right checksum.
+    Raises ``InputError`` for an unknown name and for data that must be converted, ``WavetankError`` if no address
+    provides a file with the right checksum.
     """
     data = dataset(name)
+    if not data.files:
+        raise InputError(f"{name}: its files must be converted, as {BUILT_IN / name / DATASET} describes.")
     folder = writable(PART) / name
     download(data, folder)
     return folder

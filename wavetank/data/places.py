@@ -174,7 +174,9 @@ def summary(name: str) -> str:
     paths = {file: path.parent for file in files if (path := present(data, file))}
     where = ", ".join(map(str, dict.fromkeys(paths.values()))) or "not here"
     if missing := ", ".join(file for file in files if file not in paths):
-        where += f", without {missing}" * bool(paths) + f"; 'wavetank data fetch {name}' brings it" * bool(data.urls)
+        where += f", without {missing}" * bool(paths) + f"; 'wavetank data fetch {name}' brings it" * bool(
+            data.urls and data.files
+        )
     facts = {"data": where, "cite": data.citation or "?", "licence": data.licence or "?"}
     return "\n".join([f"{name}: {data.title}", *(f"    {key}: {fact}" for key, fact in facts.items())])
 
