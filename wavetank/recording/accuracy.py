@@ -20,7 +20,7 @@ from wavetank.base.errors import InputError, RunError
 from wavetank.case import Case, Numerics
 from wavetank.output.directory import LOG
 from wavetank.output.files import OutputPath
-from wavetank.planning.companion import companion
+from wavetank.planning.companion import companion, needs_vertical_companion
 from wavetank.planning.cost import needs_of
 from wavetank.planning.plan import planned
 from wavetank.planning.refinement import MAX_RATIO, finer, refined_grid
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 MAX_RUNS = 3
 COARSE = 2.0  # ratio of cells after a run whose uncertainty is not resolved
-COMPANION = 1.6  # CPU time of a run with its companion over that of its steps
+COMPANION = 0.65  # CPU time of a companion over that of the run's steps
 FIRST = 1 / 3  # predicted error of the first run over the accuracy: the uncertainty is 2.6 times the error
 MISSING = {"crest": ", or fewer than 16 samples a period", "harmonics": ": too few samples a period"}  # causes
 GRID = {"cells", "cell_size", "order", "dt"}  # keys that determine the grid
@@ -176,7 +176,8 @@ def _within(case: Case, comm: MPI.Comm, budget: float) -> Case:
     chosen = planned(case, comm).case
     run, waves, clock, step, _, below = time_steps(chosen, comm)
     limit = stability_limit(chosen, run.integrator) / waves.largest_frequency
-    needed = COMPANION * (clock.steps * step + below) * comm.size
+    companions = COMPANION * (1 + needs_vertical_companion(chosen))
+    needed = (1.0 + companions) * (clock.steps * step + below) * comm.size
     if needed <= budget:
         return case
     if named := [f"numerics.{key}" for key in ("cells", "cell_size", "dt") if key in case.numerics.model_fields_set]:
