@@ -4,7 +4,7 @@ A data set is a folder with a ``dataset.toml`` (``description.py``), which descr
 few benchmarks are in this package (``known/``): facts, addresses and checksums, without the data.
 """
 
-from wavetank.data.description import DATASET, DataFile, Dataset, Section, WaveHeights
+from wavetank.data.description import DATASET, DataFile, Dataset, Section, WaveHeights, corrected
 from wavetank.data.downloading import download, fetch
 from wavetank.data.places import dataset, find, folders, names, opened, resolve, summary, units_note
 from wavetank.data.series import HeightSeries, gauge_records, height_series

@@ -4,7 +4,7 @@ import tomllib
 from collections import Counter
 from math import inf, isfinite
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import BeforeValidator, Field, Strict, ValidationError, field_validator, model_validator
 from pydantic_core import ErrorDetails
@@ -45,6 +45,7 @@ def _file(name: str) -> str:
     return name
 
 
+Model = TypeVar("Model", bound=CaseModel)
 Column = Annotated[int | str, BeforeValidator(_column)]
 Bound = Annotated[float, Field(allow_inf_nan=True)]
 Clock = Annotated[tuple[Bound, Bound], Strict(False), BeforeValidator(_clock)]
@@ -130,6 +131,9 @@ class RecordFiles(CaseModel):
     units: Units = Units()
     gains: Annotated[tuple[float, ...], Strict(False)] = Field(
         default=(), description="what each gauge's elevations are to be multiplied by; default 1"
+    )
+    clocks: Annotated[tuple[float, ...], Strict(False)] = Field(
+        default=(), description="what is to be added to each gauge's times [s]; default 0"
     )
     clock_offset: Clock = Field(
         default=(0.0, 0.0), description="what is to be added to the times [s]: a number, [smallest, largest], or 'free'"
@@ -227,6 +231,7 @@ class Dataset(CaseModel):
                 ("files", len(one.files), {1, number}),
                 ("columns", len(one.columns), {0, number}),
                 ("gains", len(one.gains), {0, number}),
+                ("clocks", len(one.clocks), {0, number}),
             ):
                 if received not in allowed:
                     raise ValueError(f"records.{n}.{key}: {received} received; there are {number} gauges")
@@ -248,15 +253,60 @@ class Dataset(CaseModel):
         return list(dict.fromkeys([*read, *(column.file for one in heights for column in one.columns)]))
 
 
+class Corrections(CaseModel):
+    """Corrections of the gauges of a data set, as ``wavetank analyse DATA calibration`` writes them."""
+
+    gauges: Annotated[tuple[GaugePosition, ...], Strict(False)] = Field(min_length=1, description="corrected places")
+    gains: Annotated[tuple[float, ...], Strict(False)] = Field(description="factors of the elevations of each gauge")
+    clocks: Annotated[tuple[float, ...], Strict(False)] = Field(description="added to the times of each gauge [s]")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if not len(self.gauges) == len(self.gains) == len(self.clocks):
+            numbers = f"{len(self.gains)} gains and {len(self.clocks)} clocks received"
+            raise ValueError(f"{numbers}; there are {len(self.gauges)} gauges")
+        return self
+
+
+def corrected(data: Dataset, path: Path | None) -> Dataset:
+    """Return a data set with the corrections of a file; its own gains and clocks apply, too. Others are unchanged.
+
+    Computations are not corrected. Raises ``InputError`` for an invalid file, and if no gauge is in the data set.
+    """
+    if path is None:
+        return data
+    new = _read(path, Corrections, {}, {})
+    rows = {gauge.name: row for gauge, *row in zip(new.gauges, new.gains, new.clocks, strict=True)}
+    places = {gauge.name: gauge for gauge in new.gauges}
+    names = [gauge.name for gauge in data.gauges]
+    if not rows.keys() & set(names):
+        raise InputError(f"{path}: gauges {', '.join(rows)} received; {data.name} has {', '.join(names)}.")
+    gains, clocks = zip(*(rows.get(name, [1.0, 0.0]) for name in names), strict=True)
+    records = []
+    for one in data.records:
+        own_gains, own_clocks = one.gains or (1.0,) * len(names), one.clocks or (0.0,) * len(names)
+        total = {
+            "gains": tuple(a * b for a, b in zip(own_gains, gains, strict=True)),
+            "clocks": tuple(a + b for a, b in zip(own_clocks, clocks, strict=True)),
+        }
+        records.append(one if isinstance(one, ComputedFiles) else one.model_copy(update=total))
+    gauges = tuple(places.get(gauge.name, gauge) for gauge in data.gauges)
+    return data.model_copy(update={"gauges": gauges, "records": tuple(records)})
+
+
 def read_dataset(folder: Path) -> Dataset:
     """Return the description of a folder by its ``dataset.toml``.
 
     Raises ``InputError`` with a line for each error: the file, the key, the received value, what is allowed.
     """
-    path = folder / DATASET
+    return _read(folder / DATASET, Dataset, {"name": folder.resolve().name}, {"folder": folder})
+
+
+def _read(path: Path, model: type[Model], defaults: dict[str, Any], folder: dict[str, Path]) -> Model:
+    """Return a TOML file as a model, with defaults and its folder; raise ``InputError`` as ``read_dataset``."""
     try:
         content = tomllib.loads(regular(path).read_text(encoding="utf-8-sig"))
-        return Dataset.model_validate({"name": folder.resolve().name, **content, "folder": folder})
+        return model.model_validate(defaults | content | folder)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}).") from None
     except ValidationError as error:

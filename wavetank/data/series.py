@@ -67,8 +67,9 @@ def _records(data: Dataset, records: RecordFiles) -> "DataArray":
         t, eta = (_column(path, table, one) for one in (records.time, column))
         check_ascending(path, table.lines, t)
         scale = metres * (records.gains[n] if records.gains else 1.0)
+        clock = records.clocks[n] if records.clocks else 0.0
         x = np.nan if gauge.x is None else gauge.x
-        series.append(gauge_array([gauge.name], [x], [gauge.y], seconds * t, [scale * eta]))
+        series.append(gauge_array([gauge.name], [x], [gauge.y], seconds * t + clock, [scale * eta]))
     result = concat(series, "gauge", coords="minimal", compat="override", join="outer")
     return result.assign_attrs(source=records.source, clock_offset=records.clock_offset)
 

@@ -46,6 +46,9 @@ def compare(
         float | None, typer.Option(help="of regular waves [s]: their harmonics are compared, too", min=1e-6)
     ] = None,
     start: Annotated[float | None, typer.Option(help="when regular waves are established [s] (--period)")] = None,
+    corrections: Annotated[
+        Path | None, typer.Option(help="file with corrections of the gauges of DATA, as 'analyse' writes it")
+    ] = None,
     fit: Annotated[
         bool, typer.Option("--fit", help="show the best gain and shift of each gauge, and its misfit")
     ] = False,
@@ -55,6 +58,9 @@ def compare(
     names = ("compare.csv", "compare.png", *("compare-harmonics.csv", "compare-harmonics.png") * (period is not None))
     check_new(*(folder / name for name in names), overwrite=overwrite or out is None)
     given = None if (Path(reference) / MANIFEST).is_file() else data.opened(reference)
+    if corrections and not given:
+        raise InputError(f"{reference}: --corrections received with a run; allowed is a data set or a CSV file.")
+    given = data.corrected(given, corrections) if given else None
     if given and given.heights is not None:
         if clock is not None or period is not None:
             raise InputError(f"{reference}: holds wave heights; --clock and --period are for records of gauges.")
