@@ -75,9 +75,10 @@ def rows(result):
 
 def test_every_analysis_of_a_csv_recovers_its_waves(table, tmp_path, drawn):
     """Oracle: the waves it was made of. Its numbers have seven digits."""
-    done = commanded("analyse", str(table), *KINDS, "--period", "2", "--depth", "1", "--out", str(tmp_path))
+    kinds = KINDS[:-1]  # a calibration needs a broad spectrum
+    done = commanded("analyse", str(table), *kinds, "--period", "2", "--depth", "1", "--out", str(tmp_path))
     assert done.returncode == 0, done.stderr
-    assert len(drawn) == len(KINDS) and not [fault for figure in drawn for fault in faults(figure)]
+    assert len(drawn) == len(kinds) and not [fault for figure in drawn for fault in faults(figure)]
     (waves,) = csv_rows(tmp_path / "analysis-reflection.csv")
     assert float(waves["incident [m]"]) == pytest.approx(0.05, rel=1e-5)
     assert float(waves["reflection [-]"]) == pytest.approx(0.2, rel=1e-4)

@@ -10,6 +10,7 @@ from xarray import DataArray, Dataset
 
 from wavetank import data
 from wavetank.analysis import signals
+from wavetank.analysis.calibration import PARTS
 from wavetank.analysis.signals import fundamental, harmonics, resolved
 from wavetank.analysis.still_water import still_water
 from wavetank.base.errors import InputError
@@ -46,6 +47,8 @@ class WaveRecord:
         Whether x is the distance from the wavemaker over constant depth, as in a run over a flat bed.
     before
         Elevation from the first time of the record, if the analysis starts later.
+    parts
+        Corrections of gauges that a calibration fits.
     cause, warnings
         Cause of the end of an unfinished run, and warnings of the run, most severe first.
     """
@@ -58,6 +61,7 @@ class WaveRecord:
     far_end: float | None = None
     from_wavemaker: bool = False
     before: DataArray | None = None
+    parts: tuple[str, ...] = PARTS
     cause: str = ""
     warnings: list[RunWarning] = field(default_factory=list)
 
@@ -123,6 +127,8 @@ def read_record(
     along: tuple[float, float, int] | None = None,
     depth: float | None = None,
     period: float | None = None,
+    parts: tuple[str, ...] = PARTS,
+    corrections: Path | None = None,
 ) -> WaveRecord:
     """Return a record of a run or of data.
 
@@ -138,25 +144,31 @@ def read_record(
         First and last position x [m] and the number of positions, if the surface of a slice replaces gauges.
     depth, period
         Still-water depth [m] and period of the waves [s]; default: those of the run.
+    parts
+        Corrections of gauges that a calibration fits.
+    corrections
+        File with corrections of the gauges of a data set.
 
     Raises ``InputError`` for a source, gauges or times that do not exist.
     """
     path, parameters = Path(source), dict[str, Any]()
     if (path / MANIFEST).is_file():
+        if corrections:
+            raise InputError(f"{source}: --corrections received with a run; allowed is a data set or a CSV file.")
         run = RunDirectory(path)
         eta, title = _run_elevation(run, along), run.title or path.name
         parameters = _run_parameters(run)
     elif along:
         raise InputError(f"{source}: --along reads the surface of a run; this is none.")
     else:
-        dataset = data.opened(source)
+        dataset = data.corrected(data.opened(source), corrections)
         eta, title = signals.common_clock(data.gauge_records(dataset)[0]), dataset.name
     given = {"given_depth": depth, "given_period": period}
     parameters |= {name: value for name, value in given.items() if value is not None}
     if gauges:
         eta = signals.chosen(eta, gauges)
     before = None if start is None else eta.sel(time=slice(None, end))
-    return WaveRecord(signals.between(eta, start, end), title, before=before, **parameters)
+    return WaveRecord(signals.between(eta, start, end), title, before=before, parts=parts, **parameters)
 
 
 def _run_elevation(run: RunDirectory, along: tuple[float, float, int] | None) -> DataArray:

@@ -1,5 +1,6 @@
 """The analyses of ``wavetank analyse``: table, notes, and arguments of the figure for a record."""
 
+import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike
 from xarray import DataArray, Dataset
 
 from wavetank.analysis import reflection, signals
+from wavetank.analysis.calibration import CONFIDENCE, PARTS, calibrate
 from wavetank.analysis.record import WaveRecord
 from wavetank.analysis.statistics import forristall_crests, height_statistics, zero_crossing_waves
 from wavetank.base.errors import InputError
@@ -34,12 +36,13 @@ BADLY = "gauges stand badly"
 
 
 class Result(NamedTuple):
-    """A table, i.e. columns of equal length by names with units, notes, and the arguments of the figure."""
+    """A table, i.e. columns of equal length by names with units, notes, the arguments of the figure, a TOML file."""
 
     columns: Mapping[str, ArrayLike]
     notes: list[str]
     figure: str
     arguments: dict[str, Any]
+    toml: str = ""
 
     @property
     def text(self) -> str:
@@ -410,6 +413,51 @@ def _uncertain_note(result: Dataset, why: str) -> str:
     return f"the delay between gauges {some} is ambiguous by whole periods: {why}" if pairs.size else ""
 
 
+# ---------------------------------------------------------------- calibration
+def calibration(record: WaveRecord) -> Result:
+    """Gains, clocks and places of the gauges relative to the first one."""
+    result = calibrate(record.forward, **record.water, parts=record.parts)
+    gain, clock, place = np.pad(result.corrections, ((0, 0), (1, 0)))
+    place = place if record.far_end is None else -place
+    of_gain, of_clock, of_place = U = np.pad(result.uncertainty, ((0, 0), (1, 0)), constant_values=np.nan)
+    U[[part not in record.parts for part in PARTS]] = np.nan
+    factor, names, x = np.exp(gain), record.eta.gauge.values.astype(str), record.eta.x.values
+    names_of_misfits = ["misfit", "waves fitted", "corrected", *(f"without {part}" for part in PARTS)]
+    columns = {
+        "gain [-]": factor,
+        "U gain [-]": factor * of_gain,
+        "clock [s]": clock,
+        "U clock [s]": of_clock,
+        "place [m]": place,
+        "U place [m]": of_place,
+        **dict(zip(names_of_misfits, np.pad(result.misfit, ((0, 0), (1, 0)), constant_values=np.nan), strict=True)),
+    }
+    notes = [
+        f"{len(record.parts) * (names.size - 1)} parameters relative to gauge {names[0]}",
+        f"{result.frequency.size} bands from {result.frequency[0]:.3g} to {result.frequency[-1]:.3g} Hz",
+        f"U: expanded uncertainties at {100 * CONFIDENCE:g} %",
+        record.direction_note,
+    ]
+    toml = _corrections_text(names, x + place, factor, clock, dict(zip(PARTS, U, strict=True)))
+    figure = {"result": result, "names": list(names[1:]), "reference": names[0]}
+    return Result(_gauges(record) | columns, notes, "calibration", figure, toml)
+
+
+def _corrections_text(names: Array, x: Array, gains: Array, clocks: Array, uncertainties: Mapping[str, Array]) -> str:
+    """Return corrections of gauges as the keys of a ``dataset.toml``."""
+    rows = []
+    for n, (name, at) in enumerate(zip(names, x, strict=True)):
+        stated = [f"{part} = {of[n]:.2g}" for part, of in uncertainties.items() if np.isfinite(of[n])]
+        uncertainty = f", uncertainty = {{ {', '.join(stated)} }}" if stated else ""
+        rows.append(f"    {{ name = {json.dumps(str(name))}, x = {at:.4f}{uncertainty} }},")
+    lists = (
+        f"{key} = [{', '.join(f'{one:.4f}' for one in values)}]"
+        for key, values in (("gains", gains), ("clocks", clocks))
+    )
+    head = f"# Corrections relative to gauge {names[0]}, for a dataset.toml: gains and clocks belong to [[records]]."
+    return "\n".join([head, *lists, "gauges = [", *rows, "]", ""])
+
+
 def analysed(kind: str, record: WaveRecord) -> Result:
     """Return the result of an analysis of one of ``KINDS``; raises ``InputError`` also for a gauge without waves."""
     signals.waving(record.eta)
@@ -425,4 +473,5 @@ KINDS: dict[str, Callable[[WaveRecord], Result]] = {
     "groups": groups,
     "reflection": reflected_waves,
     "speed": speed,
+    "calibration": calibration,
 }

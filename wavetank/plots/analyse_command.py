@@ -10,12 +10,13 @@ from wavetank import data
 from wavetank.base.console import console
 from wavetank.base.errors import InputError, choice, write_errors
 from wavetank.base.run_warning import summarise_warnings
-from wavetank.output.files import check_new
+from wavetank.output.files import check_new, write_atomically
 from wavetank.output.manifest import MANIFEST
 
-KINDS = ("spectrum", "heights", "harmonics", "bound-free", "groups", "reflection", "speed")
+KINDS = ("spectrum", "heights", "harmonics", "bound-free", "groups", "reflection", "speed", "calibration")
 WIDTH = 120  # least width of a table in characters
 MOST = 24  # rows of a table on the terminal
+CALIBRATION = "calibration"
 REFLECTION = "reflection"  # kinds for regular waves, or for a sea
 REGULAR = ("harmonics", "bound-free", REFLECTION, "speed")  # kinds with a period
 
@@ -38,6 +39,13 @@ def analyse(
     sea: Annotated[
         bool, typer.Option("--sea", help="reflection of all frequencies, though the paddle has a period")
     ] = False,
+    parts: Annotated[
+        str | None,
+        typer.Option(metavar="gain,clock,place", help="what a calibration fits; default: all. Other parts are 0"),
+    ] = None,
+    corrections: Annotated[
+        Path | None, typer.Option(help="file with corrections of gauges, as a calibration writes it")
+    ] = None,
     depth: Annotated[float | None, typer.Option(help="of still water [m]; a run's is known", min=1e-6)] = None,
     out: Annotated[Path | None, typer.Option(help="folder; default: the run's, or runs/ and the data's name")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace analyses that are there (--out)")] = False,
@@ -45,7 +53,8 @@ def analyse(
     """Analyse gauges: spectra, heights, harmonics, reflection.
 
     Each kind has a table and a picture: spectra with Hm0, Tp, Tm02; heights of individual waves; harmonics of regular
-    waves; bound and free second harmonics; groups; incident and reflected waves; speed between gauges.
+    waves; bound and free second harmonics; groups; incident and reflected waves; speed between gauges; gains, clocks
+    and places of gauges.
     """
     chosen = list(dict.fromkeys(kinds or KINDS[:1]))
     for kind in chosen:
@@ -57,18 +66,30 @@ def analyse(
         raise InputError(f"--sea received with {', '.join(chosen)}; it is for {REFLECTION}.")
     if sea and period is not None and not {*chosen} & {*REGULAR} - {REFLECTION}:
         raise InputError(f"--sea and --period {period:g} received; {REFLECTION} is of one of them.")
+    if parts is not None and CALIBRATION not in chosen:
+        raise InputError(f"--parts received with {', '.join(chosen)}; it is for {CALIBRATION}.")
     folder = own_folder(source) if out is None else out
     files = {kind: folder / f"analysis-{kind}.csv" for kind in chosen}
-    check_new(
-        *files.values(), *(file.with_suffix(".png") for file in files.values()), overwrite=overwrite or out is None
-    )
+    siblings = [file.with_suffix(".png") for file in files.values()]
+    siblings += [files[kind].with_suffix(".toml") for kind in chosen if kind == CALIBRATION]
+    check_new(*files.values(), *siblings, overwrite=overwrite or out is None)
     names = tuple(name.strip() for name in gauges.split(",")) if gauges else ()
     from wavetank.analysis.record import read_record
     from wavetank.analysis.results import analysed
     from wavetank.plots.analysis_figures import result_figure
     from wavetank.plots.tables import data_frame, plain_columns, terminal_table, write_frame
 
-    record = read_record(source, start=start, end=end, gauges=names, along=_places(along), depth=depth, period=period)
+    record = read_record(
+        source,
+        start=start,
+        end=end,
+        gauges=names,
+        along=_places(along),
+        depth=depth,
+        period=period,
+        parts=_parts(parts),
+        corrections=corrections,
+    )
     records = {REFLECTION: replace(record, given_period=None)} if sea else {}
     results, refused = {}, dict[str, list[str]]()
     for kind in chosen:
@@ -97,7 +118,12 @@ def analyse(
         replaced = ", in place of what was there (--out: elsewhere)" if files[kind].exists() else ""
         write_frame(files[kind], table)
         picture = result_figure(result, files[kind].with_suffix(".png"))
-        terminal.print(f"wrote {files[kind]} and {picture}{replaced}", highlight=False)
+        written = [files[kind], picture]
+        if result.toml:
+            written.insert(1, files[kind].with_suffix(".toml"))
+            with write_errors(written[1]):
+                write_atomically(written[1], result.toml.encode())
+        terminal.print(f"wrote {', '.join(map(str, written[:-1]))} and {picture}{replaced}", highlight=False)
     if refused:
         raise why
 
@@ -111,6 +137,16 @@ def own_folder(source: str) -> Path:
 
     described = path.parent if path.name == DATASET else path
     return Path("runs") / f"{described.name.partition('.')[0].replace(':', '-')}-analysis"
+
+
+def _parts(text: str | None) -> tuple[str, ...]:
+    """Return the parts of a text with commas, default: all; raise ``InputError`` for others."""
+    from wavetank.analysis.calibration import PARTS
+
+    parts = PARTS if text is None else tuple(part.strip() for part in text.split(","))
+    if other := [part for part in parts if part not in PARTS]:
+        raise InputError(f"--parts: {other[0]!r} received; allowed are {', '.join(PARTS)}.")
+    return parts
 
 
 def _places(text: str | None) -> tuple[float, float, int] | None:

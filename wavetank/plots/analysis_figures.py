@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib import colormaps
 from xarray import DataArray, Dataset
 
+from wavetank.analysis.calibration import GaugeCorrections
 from wavetank.analysis.reflection import WaveFit
 from wavetank.analysis.results import Result
 from wavetank.analysis.statistics import exceedance, forristall_heights, rayleigh_crests, rayleigh_heights
@@ -179,6 +180,35 @@ def speed_figure(
     return path
 
 
+def calibration_figure(
+    result: GaugeCorrections, names: Sequence[str], reference: str, path: Path, *, title: str
+) -> Path:
+    """Draw amplitude ratios and phases of cross spectra over frequency with their fit; return ``path``.
+
+    Phases are those without that of linear waves between the places; names are those of the other gauges.
+    """
+    title = style.titled(title, f"cross spectra with gauge {reference}, 95 % bands of the fit")
+    with style.panels(path, 2, size=(9, 8), title=title, xlabel="frequency [Hz]") as axes:
+        amplitude, phase = axes[:, 0]
+        for n, colour in _chosen(len(names)).items():
+            (real, imaginary), fit = result.band[..., n], result.fit[:, n]
+            amplitude.plot(
+                result.frequency, np.exp(result.ratio[:, n].real), ".", color=colour, label=f"gauge {names[n]}"
+            )
+            amplitude.plot(result.frequency, np.exp(fit.real), "-", color=colour, lw=1)
+            amplitude.fill_between(
+                result.frequency, *np.exp([fit.real - real, fit.real + real]), color=colour, alpha=0.15, lw=0
+            )
+            phase.plot(result.frequency, result.ratio[:, n].imag, ".", color=colour)
+            phase.plot(result.frequency, fit.imag, "-", color=colour, lw=1)
+            phase.fill_between(
+                result.frequency, fit.imag - imaginary, fit.imag + imaginary, color=colour, alpha=0.15, lw=0
+            )
+        amplitude.set_ylabel("amplitude ratio [-]")
+        phase.set_ylabel("phase - k (x - x_r) [rad]")
+    return path
+
+
 FIGURES: dict[str, Callable[..., Path]] = {
     "spectrum": spectrum_figure,
     "heights": heights_figure,
@@ -187,6 +217,7 @@ FIGURES: dict[str, Callable[..., Path]] = {
     "groups": groups_figure,
     "reflection": reflection_figure,
     "speed": speed_figure,
+    "calibration": calibration_figure,
 }
 
 
