@@ -15,9 +15,11 @@ from wavetank.base.errors import BreakdownError, InputError
 from wavetank.case import Numerics
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
+from wavetank.planning.plan import planned
 from wavetank.planning.refinement import AIM, finer, refined_grid
 from wavetank.recording.accuracy import record_to_accuracy
 
+ACCURACY = {"accuracy_of": "gauges"}
 NUMERICS = {"order": 3, "vertical_order": 4, "cells": 15, "dt": 0.05}
 TANK, GAUGES, LOADS = {"length": 6.0, "depth": 1.0}, [1.0, 3.0], [{"on": "far wall"}]
 
@@ -211,3 +213,34 @@ def test_several_ranks_deliver_the_same(tmp_path, wavetank):
     one, two = (RunDirectory(f"{out}-2") for out in several)
     assert one.manifest["numerics"]["cells"] == two.manifest["numerics"]["cells"]
     np.testing.assert_allclose(one.gauges, two.gauges, atol=1e-7)
+
+
+BED = {"type": "formula", "depth": "1.0 - 0.3 * exp(-(x - 3)**2)"}
+
+
+@pytest.mark.parametrize("named", [{}, {"order": 4}])
+def test_case_without_a_plan_starts_with_the_cells_of_pilot_runs(named, delivered):
+    """They are larger than those of the rule for 3 %, unless the case sets the grid."""
+    parts = {"wall": piston(1.5, 0.02, ramp=1.5), "gauges": GAUGES}
+    case = build_case(TANK | {"bed": BED}, duration=6.0, numerics={"accuracy": 0.03, **ACCURACY, **named}, **parts)
+    rule = planned(build_case(TANK | {"bed": BED}, duration=6.0, numerics=named, **parts), MPI.COMM_SELF).case
+    run, said = delivered(case)
+    assert "3 % requested: reached" in said and run.path.name == "run"
+    assert (run.manifest["numerics"]["cells"] < 0.8 * rule.cells) is not bool(named)
+    assert said.splitlines()[-1] in (run.path / "run.log").read_text()
+
+
+def test_result_is_the_run_of_the_least_uncertainty(delivered, monkeypatch):
+    """The second one is not resolved."""
+    accuracy = import_module("wavetank.recording.accuracy")
+    original, results = accuracy.record_run, []
+
+    def second_unresolved(*arguments, **options):
+        path, result = original(*arguments, **options)
+        results.append(result if not results else result._replace(relative={}, reason="a wave breaks"))
+        return path, results[-1]
+
+    monkeypatch.setattr(accuracy, "record_run", second_unresolved)
+    case, _ = steady(accuracy=2e-6, accuracy_of="gauges", order=3, vertical_order=9)
+    run, said = delivered(case)
+    assert run.path.name == "run" and "not resolved, as a wave breaks" in said and len(results) == 2

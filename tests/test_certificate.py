@@ -161,7 +161,7 @@ def test_companion_that_breaks_down_leaves_the_uncertainty_unresolved(path, tmp_
     def breaking(*_):
         raise BreakdownError("t = 1 s: a wave breaks")
 
-    monkeypatch.setattr(certifying, "build_run", breaking)
+    monkeypatch.setattr(certifying, "build_stable", breaking)
     recorded(path, (), tmp_path / "run")
     run = RunDirectory(tmp_path / "run")
     assert run.status == "finished"
@@ -277,7 +277,7 @@ def test_certificate_is_that_of_one_rank_on_several(path, recorded_on_ranks):
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ("run.duration=0.5", "the gauges have 11 rows: at least 16 are needed"),
+        ("run.duration=0.5", "run or companion have 8 rows of gauges: at least 16 are needed"),
         ("numerics.cells=2", "the cells or the time step are too coarse"),
         ("numerics.cells=5 numerics.order=1", "the cells or the time step are too coarse"),
     ],
@@ -428,3 +428,15 @@ def test_surface_of_a_resumed_run_has_no_uncertainty(path, tmp_path, wavetank):
 def test_certificate_needs_a_gauge():
     with pytest.raises(ValueError, match="numerics.certify = true: needs a gauge"):
         build_case(TANK, wall=WALL, numerics=QUICK)
+
+
+def test_rare_loads_have_no_uncertainty(path, tmp_path):
+    """Fewer than 16 rows."""
+    recorded(path, ("loads=[{on='far wall'}]", "output.probes_every=20"), tmp_path / "run")
+    certificate = RunDirectory(tmp_path / "run").manifest["certificate"]
+    assert certificate["resolved"] and "loads" not in certificate["relative"]
+
+
+def test_water_at_rest_has_no_relative_uncertainty(path, tmp_path):
+    recorded(path, ("wall.motion={type='at-rest'}",), tmp_path / "run")
+    assert RunDirectory(tmp_path / "run").manifest["certificate"]["relative"]["gauges"] == 0.0

@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 from case_builders import build_case, piston
 from mpi4py import MPI
+from ranks import CHECKOUT
 from tanks import written
 
 from examples.paper.delivery import gauge_error
 from examples.scenes import executed, refined
 from wavetank.base.errors import BreakdownError, InputError
+from wavetank.case.reading import read_case
 from wavetank.planning import trade as trades
 from wavetank.planning.timing import time_steps
-from wavetank.planning.trade import Pilot, Setting, Trade, measure_trade
+from wavetank.planning.trade import Pilot, Setting, Trade, measure_trade, pilot_record
 
 NUMERICS = {"order": 3, "vertical_order": 6, "cells": 24, "dt": 0.04}
 TANK, GAUGES = {"length": 6.0, "depth": 1.0}, [1.0, 3.0]
@@ -114,8 +116,40 @@ def test_pilot_runs_that_break_down_have_smaller_cells(monkeypatch):
         return original(case, comm)
 
     monkeypatch.setattr(trades, "pilot_record", breaking)
-    assert measure_trade(paddle(gauges=GAUGES), MPI.COMM_SELF).pilots == pytest.approx((2.0, 24 / 18))
-    assert sizes == [9, 12, 18]
+    trade = measure_trade(paddle(gauges=GAUGES), MPI.COMM_SELF)
+    assert trade.pilots == pytest.approx((2.0, 24 / 18)) and sizes == [9, 12, 18]
+    assert trade.failed == ("0.667 or 0.5 m: t = 1 s: a wave breaks",)
+
+
+def test_pilot_run_in_which_a_wave_breaks_is_not_used():
+    """Although the case dissipates it."""
+    changes = ["wall.motion.linear_crest=0.22", "run.duration=16", "numerics.cell_size=0.4", "numerics.dt=0.03"]
+    case = read_case(CHECKOUT / "cases" / "breaking-group.toml", changes)
+    assert case.run.on_breaking == "dissipate"
+    with pytest.raises(BreakdownError, match="a wave breaks"):
+        pilot_record(case, MPI.COMM_SELF)
+
+
+@pytest.mark.parametrize(
+    ("change", "why"), [({"duration": 0.2}, "fewer than 16 steps"), ({"wall": {"type": "fixed"}}, "at rest")]
+)
+def test_case_without_an_error_is_refused(change, why):
+    parts = {"duration": 6.0, "wall": piston(1.5, 0.02, ramp=1.5), "gauges": GAUGES, "numerics": NUMERICS} | change
+    with pytest.raises(InputError, match=why):
+        measure_trade(build_case(TANK, **parts), MPI.COMM_SELF)
+
+
+def test_order_is_at_most_that_of_the_scheme():
+    case = build_case(TANK, duration=6.0, wall=piston(1.5, 0.02), gauges=GAUGES, numerics=NUMERICS)
+    numerics = case.numerics.model_copy(update={"integrator": "stormer-verlet", "dt": 0.02})
+    trade = measure_trade(case.model_copy(update={"numerics": numerics}), MPI.COMM_SELF)
+    assert trade.order == 2 and measure_trade(case, MPI.COMM_SELF).order == 4
+
+
+def test_pilot_runs_record_each_step():
+    case = paddle(gauges=GAUGES)
+    rare = case.model_copy(update={"output": case.output.model_copy(update={"gauges_every": 20})})
+    np.testing.assert_array_equal(pilot_record(rare, MPI.COMM_SELF), pilot_record(case, MPI.COMM_SELF))
 
 
 def test_ring_of_few_cells_has_smaller_cells_in_its_pilot_runs():
@@ -142,7 +176,10 @@ def test_report_has_a_table_and_a_picture(ranks, tmp_path, wavetank):
     assert re.search(r"pays most: (cells, with dt|dt|vertical_order|tolerance); half of its part", said.stdout)
     assert picture.stat().st_size > 10_000
     again = wavetank(*words)
-    assert again.returncode == 2 and "trade.png" in again.stderr
+    assert again.returncode == 2 and "trade.png: is there already" in again.stderr
+    for out, why in (("x.txt", "must end in .png"), ("folder/x.png", "its folder does not exist")):
+        refused = wavetank(*words[:-1], str(tmp_path / out))
+        assert refused.returncode == 2 and why in refused.stderr
 
 
 def test_trade_and_accuracy_exclude_each_other(tmp_path, wavetank):

@@ -24,7 +24,7 @@ def plan(
         typer.Option(help="relative error of the elevation; default: the case's numerics.accuracy, or 0.01"),
     ] = None,
     trade: Annotated[
-        bool, typer.Option("--trade", help="measure error over CPU time with two runs on larger cells, and draw it")
+        bool, typer.Option("--trade", help="measure error over CPU time with pilot runs on other cells, and draw it")
     ] = False,
     out: Annotated[
         Path | None, typer.Option(help="file of the picture (--trade), never over another; default: CASE-trade.png")

@@ -6,14 +6,21 @@ Meshes of files, and rings of a few cells, have a companion whose order is one l
 
 from typing import NamedTuple
 
+from mpi4py import MPI
+
+from wavetank.base.case_model import CaseError
 from wavetank.base.errors import InputError
 from wavetank.case import BasinTank, Case
 from wavetank.planning.resolution import shortest_wave, still_mesh, vertical_order_for
+from wavetank.simulation.build import build_run
+from wavetank.simulation.construction import AnyWaves
+from wavetank.simulation.run import Run
 
 RATIO = 1.5  # size of the cells, and time step, over those of the run
 LEAST_RATIO = 1.25  # least ratio of the sizes of cells of two runs
 HIGHEST_ORDER = 4  # of the grid error
 MARGIN = 0.9  # largest time step over the stability limit
+ATTEMPTS, SHORTER = 5, 0.85  # number of time steps that are tried on a mesh, and their ratio
 
 
 class CompanionCases(NamedTuple):
@@ -106,3 +113,19 @@ def companion(case: Case, dt: float, limit: float, ratio: float = RATIO) -> Case
             "windows": (),
         }
     )
+
+
+def build_stable(case: Case, comm: MPI.Comm) -> tuple[Run, AnyWaves]:
+    """Return the run and the waves of a companion; collective.
+
+    Its step follows from the limit of a mesh of equal cells. It is shorter if the cells of the actual mesh are smaller.
+    """
+    for _ in range(ATTEMPTS):
+        try:
+            return build_run(case, comm)
+        except CaseError as error:
+            if case.numerics.dt is None or error.problems[0].key != ("numerics", "dt"):
+                raise
+            shorter = case.numerics.model_copy(update={"dt": SHORTER * case.numerics.dt})
+            case = case.model_copy(update={"numerics": shorter})
+    return build_run(case, comm)

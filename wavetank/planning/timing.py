@@ -9,8 +9,8 @@ import numpy as np
 from mpi4py import MPI
 
 from wavetank.case import BasinTank, Case
+from wavetank.planning.companion import build_stable
 from wavetank.planning.cost import ROW_OF_STEP, entries_of, output_cost, row_cost
-from wavetank.simulation.build import build_run
 from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.construction import AnyWaves
@@ -50,7 +50,7 @@ class TimedSteps(NamedTuple):
 def time_steps(case: Case, comm: MPI.Comm) -> TimedSteps:
     """Return the cost of some steps of a planned case with its waves in the tank; collective."""
     continuing = case.model_copy(update={"run": case.run.model_copy(update={"on_breaking": "dissipate"})})
-    run, waves = build_run(continuing, comm)
+    run, waves = build_stable(continuing, comm)
     clock, steps = run.clock, min(run.clock.steps, WARM_UP + STEPS)
     timed = case.output.probes_every <= STEPS // 4
     more: dict[str, Any] = {name: Memory() for name in ("loads", "probes") if timed and getattr(case, name)}

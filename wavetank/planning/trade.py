@@ -15,24 +15,33 @@ import numpy as np
 from mpi4py import MPI
 
 from wavetank.base.arrays import Vector
-from wavetank.base.errors import InputError, RunError
+from wavetank.base.errors import BreakdownError, InputError, RunError
 from wavetank.base.mpi import from_first
 from wavetank.case import BasinTank, Case, Numerics
 from wavetank.integrators import INTEGRATORS
-from wavetank.planning.companion import LEAST_RATIO, CompanionCases, grid_order, has_kinks, vertical_companion
+from wavetank.planning.companion import (
+    LEAST_RATIO,
+    CompanionCases,
+    build_stable,
+    grid_order,
+    has_kinks,
+    vertical_companion,
+)
 from wavetank.planning.refinement import refined_grid
 from wavetank.planning.timing import time_steps
-from wavetank.planning.uncertainty import CompanionValues, Estimate, at_times
-from wavetank.simulation.build import build_run
+from wavetank.planning.uncertainty import AT_REST, CompanionValues, Estimate, at_times
 from wavetank.simulation.case_diagnostics import build_observers, surface_points
 from wavetank.simulation.records import Memory, Records
+from wavetank.tank.breaking import BreakingFilter
 
 PILOTS = (2.8, 2.0), (2.0, 1.4), (1.0, 0.7)  # sizes of cells over those of the plan; later ones if earlier ones fail
 TIMED = 2.0, 0.5  # sizes of cells of further timed steps; not the smaller ones in a basin
 SOLVES = 6.0  # error by the solves over the tolerance: random cases over bars, tolerance 1e-5
 KINK = 1 / 3  # error by the vertical order over the difference from an order less, for a shape with a kink
 LOW_WAVES = 0.1  # rms of a record, over the largest one, below which its error does not count
+FEWEST = 16  # rows of a record
 HALF = 0.5  # part of an error after a change of its setting
+LEAST_FACTOR = 1.01  # least relative cost of such a change
 
 
 class Pilot(NamedTuple):
@@ -67,6 +76,8 @@ class Trade(NamedTuple):
         CPU time of complete runs [s] of each rank by the ratio of timed steps.
     settings
         Settings with their parts of the error.
+    failed
+        Cells of pilot runs that broke down, and the causes.
     """
 
     case: Case
@@ -77,6 +88,7 @@ class Trade(NamedTuple):
     pilots: tuple[float, float]
     costs: dict[float, float]
     settings: tuple[Setting, ...]
+    failed: tuple[str, ...] = ()
 
     def error(self, ratio: float) -> float:
         """Return the relative error of the elevation: the largest root mean square of the gauges."""
@@ -104,7 +116,10 @@ class Trade(NamedTuple):
         """The setting whose change decreases the error most for its cost, by powers of both."""
         total = sum(one.error**2 for one in self.settings)
         return min(
-            self.settings, key=lambda one: np.log(1.0 - (1.0 - HALF**2) * one.error**2 / total) / np.log(one.factor)
+            self.settings,
+            key=lambda one: (
+                np.log(1.0 - (1.0 - HALF**2) * one.error**2 / total) / np.log(max(one.factor, LEAST_FACTOR))
+            ),
         )
 
 
@@ -125,7 +140,7 @@ def measure_trade(case: Case, comm: MPI.Comm) -> Trade:
     for other in (_resized(case, clock.dt, ratio) for ratio in (TIMED[:1] if basin else TIMED)):
         _, _, its, step, _, below = time_steps(other, comm)
         costs[other.cell_size / case.cell_size] = its.steps * step + below
-    why = RunError("the pilot runs have the same cells")
+    failed, why = list[str](), RunError("the pilot runs have the same cells")
     for ratios in PILOTS:
         coarse, fine = (_resized(case, clock.dt, ratio) for ratio in ratios)
         if coarse.cell_size < LEAST_RATIO * fine.cell_size:  # of a few cells
@@ -133,9 +148,11 @@ def measure_trade(case: Case, comm: MPI.Comm) -> Trade:
         cases = coarse, fine, *([vertical_companion(coarse)] if has_kinks(case) else [])
         try:
             pilots = [Pilot(one, pilot_record(one, comm)) for one in cases]
-            return from_first(comm, partial(_trade, case, clock.dt, pilots, costs))
+            trade = from_first(comm, partial(_trade, case, clock.dt, pilots, costs))
+            return trade._replace(failed=tuple(failed))
         except RunError as error:  # a wave breaks
             why = error
+            failed.append(f"{coarse.cell_size:.3g} or {fine.cell_size:.3g} m: {error}")
     raise why
 
 
@@ -150,31 +167,40 @@ def pilot_record(case: Case, comm: MPI.Comm) -> Vector:
     Raises ``RunError`` if the run breaks down.
     """
     record = Memory()
-    run, waves = build_run(case.model_copy(update={"probes": (), "windows": (), "loads": ()}), comm)
+    output = case.output.model_copy(update={"gauges_every": 1, "energy_every": 1})
+    case = case.model_copy(update={"probes": (), "windows": (), "loads": (), "output": output})
+    run, waves = build_stable(case, comm)
     if case.all_gauges:
         run.diagnostics += build_observers(case, waves, Records(record, Memory(), None), sinks=run.sinks)
     else:
         along = case.numerics.model_copy(update={"accuracy_of": "surface"})
         run.diagnostics += surface_points(case.model_copy(update={"numerics": along}), waves, record)
     run.execute()
+    if broken := [one.watch.first for one in run.filters if isinstance(one, BreakingFilter) and one.watch.alarms]:
+        raise BreakdownError(f"{broken[0]}: a wave breaks")
     return record.array()
 
 
 def _trade(case: Case, dt: float, pilots: Sequence[Pilot], costs: dict[float, float]) -> Trade:
     coarse, fine, *lower = pilots
+    scheme = INTEGRATORS[case.numerics.integrator]()
+    if min(len(one.record) for one in pilots) < FEWEST:
+        raise InputError(f"a pilot run has fewer than {FEWEST} steps: a longer duration is needed")
+    if np.std(fine.record[:, 1:], axis=0).max() < AT_REST:
+        raise InputError("the water is at rest at the gauges")
     differences = _relative(fine.record, coarse.record)
-    worst, order = int(np.argmax(differences)), grid_order(case.numerics.order)
+    worst, order = int(np.argmax(differences)), min(grid_order(case.numerics.order), scheme.order)
     larger, smaller = (pilot.case.cell_size / case.cell_size for pilot in (coarse, fine))
     grid = float(differences[worst]) / (larger**order - smaller**order)
     t, values = fine.record[:, 0], fine.record[:, 1 + worst]
     parts = Estimate.of(fine.case, CompanionCases(coarse.case, None), dt).series(t, values, CompanionValues(values))
     time_step, vertical = (
-        float(np.sqrt(np.mean(one**2)) / np.std(values)) for one in (parts.time_step, parts.parameters)
+        float(np.sqrt(np.mean(one**2) / 2.0) / np.std(values)) for one in (parts.time_step, parts.parameters)
     )
     if lower:
         vertical = KINK * float(_relative(coarse.record, lower[0].record).max())
     n, tolerance = case.numerics.vertical_order, case.numerics.tolerance
-    solves, scheme = SOLVES * tolerance, INTEGRATORS[case.numerics.integrator]()
+    solves = SOLVES * tolerance
     trade = Trade(case, dt, grid, float(np.hypot(solves, vertical)), order, (larger, smaller), costs, ())
     settings = (
         Setting("cells, with dt", grid, trade.cost(HALF ** (1.0 / order)) / trade.cost(1.0)),

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 MAX_RUNS = 3
 COARSE = 2.0  # ratio of cells after a run whose uncertainty is not resolved
 COMPANION = 0.65  # CPU time of a companion over that of the run's steps
-FIRST = 1 / 3  # predicted error of the first run over the accuracy: the uncertainty is 2.6 times the error
+FIRST = 1 / 3  # predicted error of the first run over the accuracy
 MISSING = {"crest": ", or fewer than 16 samples a period", "harmonics": ": too few samples a period"}  # causes
 GRID = {"cells", "cell_size", "order", "dt"}  # keys that determine the grid
 RATIOS = np.geomspace(1.1, 4.0, 16)  # sizes of cells over those of the plan within a budget
@@ -77,7 +77,7 @@ def record_to_accuracy(
     if budget is not None:
         attempt = _within(attempt, comm, budget)
     elif unplanned(case) and not case.on_mesh_file and not GRID & case.numerics.model_fields_set:
-        with suppress(RunError), console.status("pilot runs"):
+        with suppress(RunError, InputError), console.status("pilot runs"):
             attempt = _measured_start(attempt, comm, accuracy)
     spent = comm.allreduce(time.process_time() - start)
     while True:

@@ -18,8 +18,9 @@ from wavetank.case import Case
 from wavetank.integrators import INTEGRATORS
 from wavetank.output.columns import energy_columns, gauge_columns, load_columns, station_variables, time_variables
 from wavetank.output.directory import RunDirectory
-from wavetank.planning.companion import companion_cases
+from wavetank.planning.companion import build_stable, companion_cases
 from wavetank.planning.uncertainty import (
+    AT_REST,
     PARTS,
     CompanionValues,
     Estimate,
@@ -30,7 +31,7 @@ from wavetank.planning.uncertainty import (
     gauge_uncertainties,
 )
 from wavetank.recording.log import RecordedRun
-from wavetank.simulation.build import build_run, stability_limit
+from wavetank.simulation.build import stability_limit
 from wavetank.simulation.case_diagnostics import build_observers, surface_points
 from wavetank.simulation.records import Memory, Records
 from wavetank.tank.block import Block
@@ -190,7 +191,7 @@ def _certified(recorded: RecordedRun, stop: Callable[[Block], None]) -> Dataset:
 def records_in_memory(case: Case, comm: MPI.Comm, stop: Callable[[Block], None]) -> RunRecords:
     """Return the records of a run of a case; collective."""
     gauges, energy, loads, surface = Memory(), Memory(), Memory(), Memory()
-    run, waves = build_run(case, comm)
+    run, waves = build_stable(case, comm)
     records = Records(gauges, energy, None, loads=loads if case.loads else None)
     run.diagnostics += build_observers(case, waves, records, sinks=run.sinks)
     run.diagnostics += surface_points(case, waves, surface)
@@ -223,8 +224,8 @@ def certificate(path: Path, companions: CompanionRecords, own: OwnRecords) -> Da
         raise NotResolvedError("the case has no gauge")
     gauges = companions.common(recorded.dropna("time"), "gauges")  # from the time on at which all gauges exist
     t = gauges.time.values
-    if min(t.size, companions.coarse.gauges.sizes["time"]) < FEWEST:
-        raise NotResolvedError(f"the gauges have {t.size} rows: at least {FEWEST} are needed")
+    if (rows := min(t.size, companions.coarse.gauges.sizes["time"])) < FEWEST:
+        raise NotResolvedError(f"run or companion have {rows} rows of gauges: at least {FEWEST} are needed")
     elevations, theirs = gauges.values, companions.values(lambda records: _at(t, records.gauges.elevation))
     several = gauge_uncertainties(t, elevations, theirs, estimate)
     errors = np.max([estimate.frequency_errors(t, one - one.mean()) for one in elevations], axis=0)
@@ -268,6 +269,9 @@ def _relative(data: Dataset, loads: Dataset | None) -> Iterator[tuple[str, float
     ``harmonics``: of amplitudes, over that of the first. ``loads``: root mean square of the force over its variation.
     """
     worst = data.isel(gauge=_worst_gauge(data))
+    if float(data.elevation_rms.max()) < AT_REST:
+        yield "gauges", 0.0
+        return
     yield "gauges", float(np.sqrt((worst.part_rms**2).sum() / worst.elevation_rms**2))
     data = data.isel(gauge=_high(data).values)
     heights = data.crest_height.fillna(-np.inf)
@@ -277,8 +281,8 @@ def _relative(data: Dataset, loads: Dataset | None) -> Iterator[tuple[str, float
     if "harmonic_amplitude" in data:
         relative = data.harmonic_amplitude_uncertainty / data.harmonic_amplitude.isel(harmonic=0)
         yield "harmonics", float(relative.max())
-    if loads is not None:
-        forces = [str(name) for name in loads if str(name).startswith("force")]
+    forces = [str(name) for name in loads or () if f"{name}_uncertainty" in data and str(name).startswith("force")]
+    if loads is not None and forces:
         off = np.sum([(data[f"{name}_uncertainty"] ** 2).mean("load_time") for name in forces], axis=0)
         yield "loads", float(np.sqrt(off / np.sum([loads[name].var("time") for name in forces], axis=0)).max())
 
