@@ -17,6 +17,7 @@ from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
 from wavetank.planning.plan import planned
 from wavetank.planning.refinement import AIM, finer, refined_grid
+from wavetank.planning.trade import measure_trade
 from wavetank.recording.accuracy import record_to_accuracy
 
 ACCURACY = {"accuracy_of": "gauges"}
@@ -220,13 +221,18 @@ BED = {"type": "formula", "depth": "1.0 - 0.3 * exp(-(x - 3)**2)"}
 
 @pytest.mark.parametrize("named", [{}, {"order": 4}])
 def test_case_without_a_plan_starts_with_the_cells_of_pilot_runs(named, delivered):
-    """They are larger than those of the rule for 3 %, unless the case sets the grid."""
+    """Those of a third of the accuracy, at most 2.8 times as large as by the rule, unless the case sets the grid."""
     parts = {"wall": piston(1.5, 0.02, ramp=1.5), "gauges": GAUGES}
     case = build_case(TANK | {"bed": BED}, duration=6.0, numerics={"accuracy": 0.03, **ACCURACY, **named}, **parts)
     rule = planned(build_case(TANK | {"bed": BED}, duration=6.0, numerics=named, **parts), MPI.COMM_SELF).case
+    trade = measure_trade(rule, MPI.COMM_SELF)
+    expected = (
+        rule if named else trade.case.model_copy(update={"numerics": trade.numerics(min(trade.ratio(0.01), 2.8))})
+    )
     run, said = delivered(case)
     assert "3 % requested: reached" in said and run.path.name == "run"
-    assert (run.manifest["numerics"]["cells"] < 0.8 * rule.cells) is not bool(named)
+    assert run.manifest["numerics"]["cells"] == expected.cells
+    assert (expected.cells < 0.8 * rule.cells) is not bool(named)
     assert said.splitlines()[-1] in (run.path / "run.log").read_text()
 
 

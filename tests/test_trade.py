@@ -86,6 +86,24 @@ def test_gauge_of_low_waves_does_not_count():
     assert trade.grid == pytest.approx(1e-2 / 1.01 / (3.0**4 - 2.0**4), rel=1e-3)
 
 
+def test_parts_of_the_error_and_their_costs():
+    """Records by hand: the vertical order changes them by 3 %; the worst gauge is the second; tolerance 1e-5."""
+    t = np.linspace(0.0, 6.0, 200)
+    case = paddle()
+    case = case.model_copy(update={"numerics": case.numerics.model_copy(update={"tolerance": 1e-5})})
+    coarse, fine, lower = (
+        np.column_stack([t, one * np.sin(t), two * np.sin(t)]) for one, two in ((1.0, 1.08), (1.0, 1.0), (1.0, 1.1124))
+    )
+    cases = [case.model_copy(update={"numerics": by_hand().numerics(ratio)}) for ratio in (3.0, 2.0, 3.0)]
+    pilots = [Pilot(*each) for each in zip(cases, (coarse, fine, lower), strict=True)]
+    trade = trades._trade(case, 0.04, pilots, {0.5: 4.0, 1.0: 2.0, 2.0: 1.0})
+    cells, step, order, solves = trade.settings
+    assert cells.error == trade.grid == pytest.approx(0.08 / 65, rel=1e-2)
+    assert (order.error, solves.error) == pytest.approx((0.01, 6e-5), rel=1e-2)
+    assert trade.rest == pytest.approx(np.hypot(0.01, 6e-5), rel=1e-2)
+    assert (cells.factor, step.factor, order.factor) == pytest.approx((2**0.25, 2**0.25, 2**0.5))
+
+
 def test_flap_with_a_kink_has_the_error_of_its_vertical_order():
     """The error of n = 5 exceeds that of the cells. Oracle: refined numerics."""
     wall = {"type": "flap", "hinge": 0.4, "motion": {"type": "regular", "height": 0.02, "period": 1.5, "ramp": 1.5}}
