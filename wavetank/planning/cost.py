@@ -14,9 +14,9 @@ costs``.
 
 **Records below the surface** need one more interior solve and products for each step with records, with a separate
 history of solves (``tank/kinematics.py``). Then points are evaluated and written. They increase the memory by a factor
-of 1.4 (``RECORD_MEMORY``), measured in a basin of 43 621 nodes. Measured times (``ROW``, ``POINT``): in slices of 49 to
-1801 nodes 2.4 to 7.5 ms per row, with steps of the default scheme of 1.8 to 6.4 ms; in basins of 1027 and 3775 nodes
-0.6 and 0.5 of a step.
+of 1.4 (``RECORD_MEMORY``), measured in a basin of 43 621 nodes. Measured times of a row of loads (``ROW``, ``POINT``):
+in slices of 49 to 481 nodes 0.67 to 1.2 ms, with steps of the default scheme of 0.07 to 0.31 ms; in basins 1.1 to 1.2
+of a step.
 
 **An absorbing paddle** evaluates the elevation at its face, or the load on it, before each step; the energy budget
 needs its power. Measured times (``ABSORPTION``) in slices of 73, 361 and 1441 nodes, n = 8, p = 3: 0.59, 0.64 and 0.97
@@ -69,8 +69,8 @@ def step_costs(name: str) -> StepCosts:
 
 FLAP_COST = 1.3  # cost of flaps hinged at the bed or below, over pistons
 BENT_COST, BOTH_BENT_COST = 1.5, 2.1  # cost of other shapes, of one wall and of both, over pistons
-ROW = 2.5e-3, 5e-8  # time of a row below the surface [s], and for each entry of a slice's operator
-ROW_OF_STEP = 0.55  # time of such a row over that of a basin's step
+ROW = 0.65e-3, 2.3e-8  # time of a row below the surface [s], and for each entry of a slice's operator
+ROW_OF_STEP = 1.1  # time of such a row over that of a basin's step
 RECORD_MEMORY = 0.4  # relative increase of memory by records below the surface
 ABSORPTION: dict[type, tuple[float, float]] = {  # time of a step for each paddle [s], and for each entry
     ActiveAbsorption: (0.45e-3, 7e-9),

@@ -26,6 +26,7 @@ reference tank, which move with the velocity c,
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,6 +50,8 @@ from wavetank.tank.potential import interior_of
 from wavetank.tank.walls import Wall
 from wavetank.tank.walls.mesh_motion import MeshMotion
 from wavetank.tank.waves import HistoryState, NonlinearWaves
+
+HEIGHTS = 64  # number of heights whose vertical modes are stored
 
 
 class Velocity:
@@ -77,6 +80,7 @@ class Velocity:
     ):
         plane, phi = waves.plane, (potential or waves.phi).function
         self._mesh, self._vertical, self._waves = plane.mesh, waves.vertical, waves
+        self._modes_at = lru_cache(HEIGHTS)(self._vertical_modes)
         self._zeta = fem.Constant(plane.mesh, 0.0)
         self._values, self._slopes = (fem.Constant(plane.mesh, np.zeros(waves.vertical.n + 1)) for _ in range(2))
         u, w = (ufl.dot(weights, phi) for weights in (self._values, self._slopes))
@@ -99,6 +103,11 @@ class Velocity:
         self._sum(np.ones((own.size, 3)))
         self._inverse_counts = 1.0 / np.maximum(self._field.owned, 1.0)
 
+    def _vertical_modes(self, zeta: float) -> tuple[Vector, Vector]:
+        """Return values and slopes of the vertical modes at zeta, shape (n+1,) each."""
+        heights = np.array([zeta])
+        return self._vertical.at(heights)[0], self._vertical.slopes_at(heights)[0]
+
     def _sum(self, values: Vector) -> None:
         """Set the field to the sum over cells of values at their nodes, shape (cells * nodes, 3), without ghosts."""
         self._field.rows[...] = self._to_nodes @ values
@@ -111,8 +120,7 @@ class Velocity:
         array.
         """
         self._zeta.value = zeta
-        heights = np.array([zeta])
-        self._values.value, self._slopes.value = self._vertical.at(heights)[0], self._vertical.slopes_at(heights)[0]
+        self._values.value, self._slopes.value = self._modes_at(zeta)
         self._sum(self._expression.eval(self._mesh, self._cells).reshape(-1, 3))
         self._field.set(self._inverse_counts * self._field.owned)
         return self._field.rows
@@ -344,7 +352,8 @@ class Kinematics:
         self._velocity = Velocity(water, cells=cells)
         self._potentials = [plane.layered_function(components, name) for name in ("phi_t", "B")]
         self._gradients = [Velocity(water, potential=one, cells=cells) for one in self._potentials]
-        self._to_modes = np.linalg.inv(water.vertical.at(self.levels))
+        self._at_levels_of_modes = water.vertical.at(self.levels)
+        self._to_modes = np.linalg.inv(self._at_levels_of_modes)
 
     def restrict(self, cells: NDArray[np.int32]) -> None:
         """Change to other cells; collective."""
@@ -358,7 +367,7 @@ class Kinematics:
     def layers(self) -> Layers:
         """Return the parts of the pressure, from which ``accelerations`` follow; collective."""
         water, velocity = self.water, self._at_levels(self._velocity)
-        phi_rate = water.vertical.at(self.levels) @ water.phi_rate.rows.T + water.level_rate
+        phi_rate = self._at_levels_of_modes @ water.phi_rate.rows.T + water.level_rate
         rate = phi_rate - (water.node_velocities * velocity).sum(axis=-1)
         layers = Layers(velocity, rate, rate + water.head(velocity))
         for field, values in zip(self._potentials, (layers.rate, layers.head), strict=True):
