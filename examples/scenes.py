@@ -4,8 +4,8 @@ All classes have k d between 0.5 and 5 and depths between 0.3 and 3 m. The cases
 """
 
 import time
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from mpi4py import MPI
@@ -18,7 +18,11 @@ from wavetank.simulation.records import Memory, Records
 from wavetank.waves import airy
 
 HIGHEST_VERTICAL_ORDER, GRAVITY = 16, 9.81
+PER_CLASS = 8  # cases of each class
 FAR_WALL = [{"on": "far wall"}]
+
+
+Row = TypeVar("Row")
 
 
 class Waves(NamedTuple):
@@ -165,6 +169,19 @@ def refined(case: Case, dt: float) -> Case:
     changes["cell_size"] = case.cell_size / 1.6 if basin else None
     changes["cells"] = None if basin else max(case.tank.fewest_cells, -(-2 * case.cells * numerics.order // 5))
     return case.model_copy(update={"numerics": numerics.model_copy(update=changes)})
+
+
+def by_class(row: Callable[[str, int, int], Iterable[Row]], seed: int) -> dict[str, list[Row]]:
+    """Return the rows of ``PER_CLASS`` cases of each class, and of all.
+
+    ``row`` yields those of a class, a seed, and a number that differs between successive cases of a class, and between
+    classes of a seed.
+    """
+    groups: dict[str, list[Row]] = {kind: [] for kind in CLASSES}
+    for n in range(PER_CLASS):
+        for number, kind in enumerate(CLASSES):
+            groups[kind] += row(kind, seed + n, n + number)
+    return groups | {"all": [one for group in groups.values() for one in group]}
 
 
 class Recorded(NamedTuple):

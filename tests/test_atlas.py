@@ -7,7 +7,7 @@ from ranks import CHECKOUT
 from wavetank import data
 from wavetank.base.errors import InputError
 from wavetank.case.reading import read_case
-from wavetank.studies.atlas import available, read_atlas
+from wavetank.studies.atlas import measured_records, read_atlas
 
 ATLAS = CHECKOUT / "cases" / "validation" / "atlas.toml"
 ENTRIES = {one.name: one for one in read_atlas(ATLAS)}
@@ -31,7 +31,9 @@ def changed(tmp_path, old, new):
 def test_entries_have_a_case_and_the_gauges_of_their_data(name):
     entry = ENTRIES[name]
     case = read_case(ATLAS.parent / entry.case)
-    gauges = {gauge.name for gauge in data.opened(entry.reference).gauges} if available(entry) else set(entry.nrms)
+    gauges = (
+        {gauge.name for gauge in data.opened(entry.reference).gauges} if measured_records(entry) else set(entry.nrms)
+    )
     assert set(entry.nrms) == gauges
     assert len(case.all_gauges) == len(gauges)
     for values in entry.published.values():
@@ -41,7 +43,7 @@ def test_entries_have_a_case_and_the_gauges_of_their_data(name):
 @pytest.mark.parametrize("name", QUICK)
 def test_quick_cases_have_the_expected_misfits(name, tmp_path, wavetank):
     """Oracle: the measurements."""
-    if not available(ENTRIES[name]):
+    if not measured_records(ENTRIES[name]):
         pytest.skip(f"{ENTRIES[name].reference} is not on this machine")
     out = tmp_path / "out"
     said = wavetank("validate", name, "--atlas", str(ATLAS), "--out", str(out))
@@ -55,7 +57,7 @@ def test_quick_cases_have_the_expected_misfits(name, tmp_path, wavetank):
 
 def test_misfit_out_of_its_range_is_a_failure(tmp_path, wavetank):
     """Of one gauge by a fifth; the results are written."""
-    if not available(ENTRIES["ecn-flap"]):
+    if not measured_records(ENTRIES["ecn-flap"]):
         pytest.skip("hosnwt_ecn_regular_flap is not on this machine")
     atlas = changed(tmp_path, '"7" = 0.084', '"7" = 0.070')
     said = wavetank("validate", "ecn-flap", "--atlas", str(atlas), "--out", str(tmp_path / "out"))

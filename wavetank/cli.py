@@ -28,9 +28,8 @@ from wavetank.output.status import status
 from wavetank.planning.command import motion, plan
 from wavetank.plots.analyse_command import analyse
 from wavetank.plots.view_command import view
-from wavetank.studies.command import calibrate, study
+from wavetank.studies.command import calibrate, study, validate
 from wavetank.studies.compare_command import compare
-from wavetank.studies.validate_command import validate
 
 Trust = Annotated[bool, typer.Option("--trust", help="execute the Python files that the case or the run names")]
 

@@ -11,7 +11,7 @@ import numpy as np
 from mpi4py import MPI
 
 from examples.paper.report import Report
-from examples.scenes import CLASSES, Recorded, executed, refined, scene
+from examples.scenes import CLASSES, Recorded, by_class, executed, refined, scene
 from wavetank.base.arrays import Vector
 from wavetank.base.errors import WavetankError
 from wavetank.planning.companion import companion_cases
@@ -25,7 +25,6 @@ from wavetank.planning.uncertainty import (
     gauge_uncertainties,
 )
 
-PER_CLASS = 8  # cases of each class
 COVERED = "samples", "heights", "times", "harmonics", "energies", "forces"
 
 
@@ -143,9 +142,9 @@ def _at(t: Vector, run: Recorded) -> Vector:
 
 def write(report: Report) -> None:
     """Write all rows, the coverage by class, and a picture of uncertainty and error."""
-    every = [row for n in range(PER_CLASS) for kind in CLASSES for row in rows(kind, report.seed + n)]
+    groups = by_class(lambda kind, seed, number: rows(kind, seed), report.seed)
+    every = groups["all"]
     report.table("gauges", Row._fields, every)
-    groups = {kind: [row for row in every if row.kind == kind] for kind in CLASSES} | {"all": every}
     columns = (
         "class",
         "cases",
@@ -154,6 +153,8 @@ def write(report: Report) -> None:
         "crest heights",
         "crest times",
         "harmonics",
+        "energies",
+        "forces",
         "uncertainty / error",
         "cost",
     )

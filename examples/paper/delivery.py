@@ -5,6 +5,7 @@ refined numerics. The cheapest sufficient run has larger cells than the last one
 accuracy. The first run of an accuracy of 1 % is that of default numerics.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -14,7 +15,7 @@ from mpi4py import MPI
 from rich.console import Console
 
 from examples.paper.report import Report
-from examples.scenes import CLASSES, Recorded, executed, refined, scene
+from examples.scenes import Recorded, by_class, executed, refined, scene
 from wavetank.base.arrays import Vector
 from wavetank.base.errors import WavetankError
 from wavetank.case import Case
@@ -26,7 +27,6 @@ from wavetank.planning.uncertainty import at_times
 from wavetank.recording.accuracy import record_to_accuracy
 from wavetank.recording.restart import stored_case
 
-PER_CLASS = 8  # cases of each class
 ACCURACIES = 1e-2, 3e-3, 1e-3
 RATIOS = 1.15 ** np.arange(1, 9)  # sizes of cells over those of the last run
 
@@ -107,14 +107,12 @@ def gauge_error(t: Vector, values: Vector, exact: Recorded) -> float:
 
 def write(report: Report) -> None:
     """Write all rows, and parts and medians by class."""
-    every = [
-        one
-        for n in range(PER_CLASS)
-        for number, kind in enumerate(CLASSES)
-        if (one := row(kind, report.seed + n, ACCURACIES[(n + number) % len(ACCURACIES)]))
-    ]
-    report.table("cases", Row._fields, every)
-    groups = {kind: [one for one in every if one.kind == kind] for kind in CLASSES} | {"all": every}
+
+    def rows(kind: str, seed: int, number: int) -> Iterable[Row]:
+        return filter(None, [row(kind, seed, ACCURACIES[number % len(ACCURACIES)])])
+
+    groups = by_class(rows, report.seed)
+    report.table("cases", Row._fields, groups["all"])
     columns = "class", "cases", "met", "stated as met", "default 1 % kept", "runs", "cost"
     report.table("delivery", columns, [_summary(kind, group) for kind, group in groups.items() if group])
 

@@ -4,6 +4,7 @@ Each case runs with the cells that are predicted for 1 % or 0.1 %, at most 1.5 t
 of it. The actual error is the difference from a run with refined numerics.
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -11,12 +12,11 @@ from mpi4py import MPI
 
 from examples.paper.delivery import gauge_error
 from examples.paper.report import Report
-from examples.scenes import CLASSES, executed, refined, scene
+from examples.scenes import CLASSES, by_class, executed, refined, scene
 from wavetank.base.errors import WavetankError
 from wavetank.planning.plan import planned
 from wavetank.planning.trade import measure_trade
 
-PER_CLASS = 8  # cases of each class
 ACCURACIES = 1e-2, 1e-3
 LIMITS = 0.6, 1.5  # sizes of cells over the planned size
 WITHIN = {"error": 3.0, "cost": 1.5}  # factors between prediction and measurement
@@ -52,14 +52,12 @@ def row(kind: str, seed: int, accuracy: float) -> Row | None:
 
 def write(report: Report) -> None:
     """Write all rows, the parts within a factor by class, and a picture."""
-    every = [
-        one
-        for n in range(PER_CLASS)
-        for number, kind in enumerate(CLASSES)
-        if (one := row(kind, report.seed + n, ACCURACIES[(n + number) % len(ACCURACIES)]))
-    ]
-    report.table("cases", Row._fields, every)
-    groups = {kind: [one for one in every if one.kind == kind] for kind in CLASSES} | {"all": every}
+
+    def rows(kind: str, seed: int, number: int) -> Iterable[Row]:
+        return filter(None, [row(kind, seed, ACCURACIES[number % len(ACCURACIES)])])
+
+    groups = by_class(rows, report.seed)
+    report.table("cases", Row._fields, groups["all"])
     columns = "class", "cases", "error within 3", "cost within 1.5", "error, median", "cost, median"
     report.table("trade", columns, [_summary(kind, group) for kind, group in groups.items() if group])
     with report.figure("trade", 9, 4.5) as figure:

@@ -18,7 +18,7 @@ from wavetank.simulation.run import Run
 
 RATIO = 1.5  # size of the cells, and time step, over those of the run
 LEAST_RATIO = 1.25  # least ratio of the sizes of cells of two runs
-HIGHEST_ORDER = 4  # of the grid error
+HIGHEST_GRID_ORDER = 4  # of the grid error
 MARGIN = 0.9  # largest time step over the stability limit
 ATTEMPTS, SHORTER = 5, 0.85  # number of time steps that are tried on a mesh, and their ratio
 
@@ -38,7 +38,7 @@ def companion_cases(case: Case, dt: float, limit: float) -> CompanionCases:
 
 def grid_order(order: int) -> int:
     """Return the order of the grid error of elements of an order p: p + 1, at most 4 (docs/accuracy.md)."""
-    return min(order + 1, HIGHEST_ORDER)
+    return min(order + 1, HIGHEST_GRID_ORDER)
 
 
 def needs_vertical_companion(case: Case) -> bool:

@@ -29,7 +29,7 @@ from wavetank.planning.companion import (
 )
 from wavetank.planning.refinement import refined_grid
 from wavetank.planning.timing import time_steps
-from wavetank.planning.uncertainty import AT_REST, CompanionValues, Estimate, at_times
+from wavetank.planning.uncertainty import AT_REST, FEWEST, LOW_WAVES, CompanionValues, Estimate, at_times
 from wavetank.simulation.case_diagnostics import build_observers, surface_points
 from wavetank.simulation.records import Memory, Records
 from wavetank.tank.breaking import BreakingFilter
@@ -38,8 +38,6 @@ PILOTS = (2.8, 2.0), (2.0, 1.4), (1.0, 0.7)  # sizes of cells over those of the 
 TIMED = 2.0, 0.5  # sizes of cells of further timed steps; not the smaller ones in a basin
 SOLVES = 6.0  # error by the solves over the tolerance: random cases over bars, tolerance 1e-5
 KINK = 1 / 3  # error by the vertical order over the difference from an order less, for a shape with a kink
-LOW_WAVES = 0.1  # rms of a record, over the largest one, below which its error does not count
-FEWEST = 16  # rows of a record
 HALF = 0.5  # part of an error after a change of its setting
 LEAST_FACTOR = 1.01  # least relative cost of such a change
 
@@ -96,10 +94,7 @@ class Trade(NamedTuple):
 
     def cost(self, ratio: float) -> float:
         """Return the CPU time of a run [s] of each rank."""
-        x, y = np.log(sorted(self.costs.items())).T
-        slopes = np.diff(y) / np.diff(x)
-        n = int(np.clip(np.searchsorted(x, np.log(ratio)) - 1, 0, slopes.size - 1))
-        return float(np.exp(y[n] + slopes[n] * (np.log(ratio) - x[n])))
+        return cost_at(self.costs, ratio)
 
     def ratio(self, error: float) -> float:
         """Return the ratio for an error; 0 if the other parts exceed it."""
@@ -121,6 +116,14 @@ class Trade(NamedTuple):
                 np.log(1.0 - (1.0 - HALF**2) * one.error**2 / total) / np.log(max(one.factor, LEAST_FACTOR))
             ),
         )
+
+
+def cost_at(costs: dict[float, float], ratio: float) -> float:
+    """Return the cost at a ratio, by powers between the costs of other ratios."""
+    x, y = np.log(sorted(costs.items())).T
+    slopes = np.diff(y) / np.diff(x)
+    n = int(np.clip(np.searchsorted(x, np.log(ratio)) - 1, 0, slopes.size - 1))
+    return float(np.exp(y[n] + slopes[n] * (np.log(ratio) - x[n])))
 
 
 def measure_trade(case: Case, comm: MPI.Comm) -> Trade:
@@ -148,8 +151,7 @@ def measure_trade(case: Case, comm: MPI.Comm) -> Trade:
         cases = coarse, fine, *([vertical_companion(coarse)] if has_kinks(case) else [])
         try:
             pilots = [Pilot(one, pilot_record(one, comm)) for one in cases]
-            trade = from_first(comm, partial(_trade, case, clock.dt, pilots, costs))
-            return trade._replace(failed=tuple(failed))
+            return from_first(comm, partial(_trade, case, clock.dt, pilots, costs, tuple(failed)))
         except RunError as error:  # a wave breaks
             why = error
             failed.append(f"{coarse.cell_size:.3g} or {fine.cell_size:.3g} m: {error}")
@@ -181,7 +183,9 @@ def pilot_record(case: Case, comm: MPI.Comm) -> Vector:
     return record.array()
 
 
-def _trade(case: Case, dt: float, pilots: Sequence[Pilot], costs: dict[float, float]) -> Trade:
+def _trade(
+    case: Case, dt: float, pilots: Sequence[Pilot], costs: dict[float, float], failed: tuple[str, ...] = ()
+) -> Trade:
     coarse, fine, *lower = pilots
     scheme = INTEGRATORS[case.numerics.integrator]()
     if min(len(one.record) for one in pilots) < FEWEST:
@@ -201,14 +205,14 @@ def _trade(case: Case, dt: float, pilots: Sequence[Pilot], costs: dict[float, fl
         vertical = KINK * float(_relative(coarse.record, lower[0].record).max())
     n, tolerance = case.numerics.vertical_order, case.numerics.tolerance
     solves = SOLVES * tolerance
-    trade = Trade(case, dt, grid, float(np.hypot(solves, vertical)), order, (larger, smaller), costs, ())
     settings = (
-        Setting("cells, with dt", grid, trade.cost(HALF ** (1.0 / order)) / trade.cost(1.0)),
+        Setting("cells, with dt", grid, cost_at(costs, HALF ** (1.0 / order)) / cost_at(costs, 1.0)),
         Setting("dt", time_step, HALF ** (-1.0 / scheme.order)),
         Setting("vertical_order", vertical, HALF**-0.5 if lower else (n + 2.0) / (n + 1.0)),
         Setting("tolerance", solves, 1.0 + np.log(HALF) / np.log(tolerance)),
     )
-    return trade._replace(settings=settings)
+    rest = float(np.hypot(solves, vertical))
+    return Trade(case, dt, grid, rest, order, (larger, smaller), costs, settings, failed)
 
 
 def _relative(record: Vector, other: Vector) -> Vector:

@@ -21,6 +21,8 @@ from wavetank.output.directory import RunDirectory
 from wavetank.planning.companion import build_stable, companion_cases
 from wavetank.planning.uncertainty import (
     AT_REST,
+    FEWEST,
+    LOW_WAVES,
     PARTS,
     CompanionValues,
     Estimate,
@@ -37,9 +39,7 @@ from wavetank.simulation.records import Memory, Records
 from wavetank.tank.block import Block
 from wavetank.tank.breaking import BreakingFilter
 
-LOW_WAVES = 0.1  # rms of a record, over the largest one, below which its relative uncertainty does not count
 ROUNDING = 1e-9  # of times [s]
-FEWEST = 16  # times of a record that has an uncertainty
 UNITS = {"time": "s", "height": "m", "amplitude": "m", "phase": "rad"}
 CONFIDENCE = "expanded uncertainty at a confidence of 95 %, ITTC 7.5-03-01-01"
 

@@ -13,7 +13,7 @@ import numpy as np
 from mpi4py import MPI
 from pydantic import Field, Strict, ValidationError
 from rich.console import Console
-from xarray import Dataset
+from xarray import DataArray, Dataset
 
 from wavetank import data
 from wavetank.analysis.compare import compare, matched, synchronised
@@ -54,7 +54,7 @@ class _Atlas(CaseModel):
     entries: Annotated[tuple[Entry, ...], Strict(False)]
 
 
-class Result(NamedTuple):
+class ComparedCase(NamedTuple):
     """A compared case.
 
     Attributes
@@ -98,17 +98,16 @@ def read_atlas(path: Path, names: Sequence[str] = ()) -> list[Entry]:
     return [one for one in entries if not names or one.name in names]
 
 
-def available(entry: Entry) -> bool:
-    """Return whether the data of an entry are in a folder of data sets."""
+def measured_records(entry: Entry) -> list[DataArray]:
+    """Return the measured record of an entry and published ones; empty if its data are in no folder of data sets."""
     try:
-        data.gauge_records(data.opened(entry.reference))
+        return data.gauge_records(data.opened(entry.reference))
     except InputError:
-        return False
-    return True
+        return []
 
 
-def evaluate(entry: Entry, atlas: Path, folder: Path, console: Console) -> Result:
-    """Run a case in a folder, compare it with its data, draw it below ``FIGURES``, and return the misfits.
+def evaluate(entry: Entry, records: Sequence[DataArray], atlas: Path, folder: Path, console: Console) -> ComparedCase:
+    """Run a case in a folder, compare it with records, draw it below ``FIGURES``, and return the misfits.
 
     Raises ``InputError``, ``RunError``.
     """
@@ -116,7 +115,7 @@ def evaluate(entry: Entry, atlas: Path, folder: Path, console: Console) -> Resul
     out, picture = OutputPath(folder / entry.name, overwrite=True), folder / FIGURES / f"{entry.name}.png"
     path, certificate = record_run(case, out, comm=MPI.COMM_SELF, console=console)
     run = RunDirectory(path)
-    measured, *published = data.gauge_records(data.opened(entry.reference))
+    measured, *published = records
     moved = {"time": measured.time + entry.clock, "x": measured.x + entry.shift}
     measured = measured.assign_coords(moved).sel(time=slice(entry.start, None))
     half = 0.5 * crossing_period(measured.time.values, measured.values[0])
@@ -130,7 +129,7 @@ def evaluate(entry: Entry, atlas: Path, folder: Path, console: Console) -> Resul
     picture.parent.mkdir(parents=True, exist_ok=True)
     gauges_figure(measured, run.gauges, [synchronised(run.gauges, one)[0] for one in published], picture)
     cpu = certificate.cpu if certificate else float("nan")
-    return Result(entry, case.title, gauges, cpu)
+    return ComparedCase(entry, case.title, gauges, cpu)
 
 
 def _numerical(run: RunDirectory, names: Sequence[str]) -> Iterator[float]:

@@ -1,9 +1,11 @@
-"""``wavetank study`` and ``wavetank calibrate``. Imports are inside the commands, so that this module loads fast."""
+"""``wavetank study``, ``calibrate``, ``validate``. Imports are inside the commands, so that this module loads fast."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+ATLAS = Path("cases/validation/atlas.toml")
 
 
 def study(
@@ -103,3 +105,28 @@ def calibrate(
         overwrite=overwrite,
         console=console(),
     ).execute(most)
+
+
+def validate(
+    sets: Annotated[
+        list[str] | None, typer.Argument(help="cases of the atlas; default: all", metavar="[CASE ...]")
+    ] = None,
+    atlas: Annotated[Path, typer.Option(help="file of the cases and their expected misfits")] = ATLAS,
+    out: Annotated[
+        Path | None, typer.Option(help="output folder; default runs/validation, with a number if it exists")
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace the results of an earlier command")] = False,
+) -> None:
+    """Run cases of measured waves, and check their misfits.
+
+    Cases whose data are not available are named and omitted. Exit code 1 if a misfit leaves its range.
+    """
+    from mpi4py import MPI
+
+    from wavetank.base.errors import InputError
+    from wavetank.output.files import OutputPath
+    from wavetank.studies.validation_page import run_atlas
+
+    if MPI.COMM_WORLD.size > 1:
+        raise InputError(f"{MPI.COMM_WORLD.size} ranks received; validate runs without mpirun.")
+    run_atlas(sets or [], atlas, OutputPath.of(out, Path("runs/validation"), overwrite=overwrite))

@@ -10,6 +10,7 @@ from rich.table import Table
 from wavetank import data
 from wavetank.base.console import console
 from wavetank.base.errors import InputError, write_errors
+from wavetank.data.description import DATASET, MEASURED, Clock, ComputedFiles
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import check_new
 from wavetank.output.manifest import MANIFEST
@@ -89,8 +90,6 @@ def _clock(text: str) -> tuple[float, float]:
     """Return the bounds [s] of the offset added to the times of a reference, in the format of a ``dataset.toml``."""
     from pydantic import TypeAdapter
 
-    from wavetank.data.description import Clock
-
     try:
         meant = text if text == "free" else [float(one) for one in text.split(",")]
         first, last = TypeAdapter(Clock).validate_python(meant[0] if len(meant) == 1 else meant)
@@ -102,8 +101,6 @@ def _clock(text: str) -> tuple[float, float]:
 
 def _computed(source: str) -> "DataArray":
     """Return the records of a run, or of data that are compared like a run."""
-    from wavetank.data.description import DATASET, MEASURED
-
     if (Path(source) / MANIFEST).exists() or Path(source).is_dir() and not (Path(source) / DATASET).exists():
         return RunDirectory(source).gauges
     gauges = data.gauge_records(data.opened(source))[0]
@@ -154,7 +151,6 @@ def _validate(source: str, given: data.Dataset | None, pairs: "Pairs", compared:
 
     There are none with another run or a computation, or without any stated uncertainty.
     """
-    from wavetank.data.description import ComputedFiles
     from wavetank.plots.tables import CREST_VALIDATION, VALIDATION, terminal_table
     from wavetank.studies.validate import columns, uncertainties, validate
 

@@ -1,56 +1,35 @@
-"""``wavetank validate``: the cases of the validation atlas, their misfits in one table, and a page of figures."""
+"""The cases of the validation atlas: their misfits in one table, and a page of figures."""
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
 
-import typer
+from pandas import DataFrame, concat
+from rich.console import Console
 
 from wavetank.base.console import console
-from wavetank.base.errors import InputError, RunError, WavetankError
+from wavetank.base.errors import RunError, WavetankError
 from wavetank.output.files import OutputPath
+from wavetank.plots.tables import Column, terminal_table, write_frame
+from wavetank.studies.atlas import FIGURES, ComparedCase, evaluate, measured_records, read_atlas
 
-if TYPE_CHECKING:
-    from pandas import DataFrame
-
-    from wavetank.studies.atlas import Result
-
-ATLAS = Path("cases/validation/atlas.toml")
 PAGE, TABLE = "validation.md", "validation.csv"
 
 
-def validate(
-    sets: Annotated[
-        list[str] | None, typer.Argument(help="cases of the atlas; default: all", metavar="[CASE ...]")
-    ] = None,
-    atlas: Annotated[Path, typer.Option(help="file of the cases and their expected misfits")] = ATLAS,
-    out: Annotated[
-        Path | None, typer.Option(help="output folder; default runs/validation, with a number if it exists")
-    ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace the results of an earlier command")] = False,
-) -> None:
-    """Run cases of measured waves, and check their misfits.
+def run_atlas(names: Sequence[str], atlas: Path, out: OutputPath) -> None:
+    """Run the cases of an atlas, or those of some names; write and print their misfits.
 
-    Cases whose data are not available are named and omitted. Exit code 1 if a misfit leaves its range.
+    Raises ``InputError``, and ``RunError`` with the misfits that are out of their ranges.
     """
-    from mpi4py import MPI
-    from rich.console import Console
-
-    from wavetank.plots.tables import Column, terminal_table, write_frame
-    from wavetank.studies.atlas import available, evaluate, read_atlas
-
-    if MPI.COMM_WORLD.size > 1:
-        raise InputError(f"{MPI.COMM_WORLD.size} ranks received; validate runs without mpirun.")
-    terminal, entries = console(), read_atlas(atlas, sets or [])
-    folder = OutputPath.of(out, Path("runs/validation"), overwrite=overwrite).folder()
-    results, failures = list["Result"](), list[str]()
+    terminal, entries = console(), read_atlas(atlas, names)
+    folder = out.folder()
+    results, failures = list[ComparedCase](), list[str]()
     for entry in entries:
-        if not available(entry):
+        if not (records := measured_records(entry)):
             terminal.print(f"{entry.name}: omitted, its data are not available; see {entry.reference} in `data list`")
             continue
         with terminal.status(f"{entry.name}"):
             try:
-                results.append(evaluate(entry, atlas, folder, Console(quiet=True)))
+                results.append(evaluate(entry, records, atlas, folder, Console(quiet=True)))
             except WavetankError as error:
                 failures.append(f"{entry.name}: {error}")
                 continue
@@ -80,10 +59,8 @@ COLUMNS = (
 )
 
 
-def _frame(results: "Sequence[Result]") -> "DataFrame":
+def _frame(results: Sequence[ComparedCase]) -> DataFrame:
     """Return a row for each gauge of each case."""
-    from pandas import concat
-
     frames = []
     for one in results:
         frame = one.gauges.to_dataframe().reset_index()
@@ -92,10 +69,8 @@ def _frame(results: "Sequence[Result]") -> "DataFrame":
     return concat(frames, ignore_index=True)
 
 
-def page(results: "Sequence[Result]", frame: "DataFrame") -> str:
+def page(results: Sequence[ComparedCase], frame: DataFrame) -> str:
     """Return the page of all cases in Markdown, with their figures."""
-    from wavetank.studies.atlas import FIGURES
-
     parts = [HEAD]
     for one in results:
         rows = frame[frame.case == one.entry.name]
@@ -105,7 +80,7 @@ def page(results: "Sequence[Result]", frame: "DataFrame") -> str:
     return "\n".join(parts)
 
 
-def _table(rows: "DataFrame", published: "dict[str, dict[str, float]]") -> str:
+def _table(rows: DataFrame, published: dict[str, dict[str, float]]) -> str:
     """Return the table of a case in Markdown."""
     shown = [one for one in COLUMNS if one[0] not in ("case", "cpu")]
     heads = [*(one[1] for one in shown), *published]
