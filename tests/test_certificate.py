@@ -20,7 +20,7 @@ from wavetank.case.reading import read_case
 from wavetank.output.columns import STANDARD_ERROR, Variable, with_standard_error
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
-from wavetank.planning.companion import companion, companion_cases, grid_order, needs_vertical_companion
+from wavetank.planning.companion import build_stable, companion, companion_cases, grid_order, needs_vertical_companion
 from wavetank.planning.uncertainty import CompanionValues, Estimate, at_times, crests
 from wavetank.recording import record_run
 
@@ -440,3 +440,15 @@ def test_rare_loads_have_no_uncertainty(path, tmp_path):
 def test_water_at_rest_has_no_relative_uncertainty(path, tmp_path):
     recorded(path, ("wall.motion={type='at-rest'}",), tmp_path / "run")
     assert RunDirectory(tmp_path / "run").manifest["certificate"]["relative"]["gauges"] == 0.0
+
+
+def test_companion_step_above_the_limit_of_its_mesh_is_shorter():
+    """By 0.85, repeatedly; other errors of the case are raised."""
+    case, _ = steady(56, cells=16)
+    limit = executed(case).limit
+    numerics = case.numerics.model_copy(update={"dt": 1.3 * limit})
+    run, _ = build_stable(case.model_copy(update={"numerics": numerics}), MPI.COMM_SELF)
+    assert run.clock.dt == pytest.approx(1.3 * 0.85**2 * limit)
+    beyond = case.model_copy(update={"numerics": case.numerics.model_copy(update={"dt": 10 * limit})})
+    with pytest.raises(InputError, match="numerics.dt"):
+        build_stable(beyond, MPI.COMM_SELF)
