@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from pandas import DataFrame
 from xarray import DataArray, Dataset
 
 from wavetank.analysis.compare import ComputedHeights, interpolated, line
@@ -30,6 +31,17 @@ def harmonics_figure(path: Path, compared: Dataset) -> None:
         axes.set(ylabel="amplitude [mm]", ylim=(0, None))
         if not placed:
             axes.set_xticks(x, ordered.gauge.values)
+
+
+def amplitudes_figure(path: Path, rows: DataFrame) -> None:
+    """Draw measured and computed amplitudes, relative to the measured ones, by name."""
+    with panels(path, size=(9, 1.4 + 0.3 * len(rows)), xlabel="amplitude over the measured one") as ((axes,),):
+        y = np.arange(len(rows))
+        axes.plot(np.ones(len(rows)), y, "o", ms=8, mfc="none", color=BLUE, label="measured")
+        axes.plot(rows.computed / rows.measured, y, "o", color=VERMILION, label="computed")
+        axes.set(ylim=(len(rows) - 0.5, -0.5))
+        axes.set_xlim(0, max(1.5, *axes.get_xlim()))
+        axes.set_yticks(y, [f"{row.gauge}: {row.measured:.3g}" for _, row in rows.iterrows()])
 
 
 # ---------------------------------------------------------------- wave heights along sections

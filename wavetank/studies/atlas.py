@@ -1,35 +1,52 @@
 """The validation atlas: cases of measured waves, their misfits at the gauges, and the range of each misfit.
 
 ``atlas.toml`` has a table ``[[entries]]`` for each case: the case file beside it, the data set, the offset of its
-clock, and the misfits that are expected. A change of the program that moves a misfit out of its range fails.
+clock, and the misfits that are expected. Where phases or clocks are unknown it has measured amplitudes and their errors
+instead. A change of the program that moves a misfit out of its range fails.
 """
 
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
+from pandas import DataFrame
 from pydantic import Field, Strict, ValidationError
 from rich.console import Console
-from xarray import DataArray, Dataset
+from xarray import DataArray
 
 from wavetank import data
 from wavetank.analysis.compare import compare, matched, synchronised
 from wavetank.analysis.signals import crossing_period
-from wavetank.base.case_model import CaseModel
+from wavetank.analysis.validation import MEASURED, NUMERICAL
+from wavetank.base.case_model import CaseModel, one_of
 from wavetank.base.errors import InputError
-from wavetank.base.quantities import Coordinate, Label, Time
+from wavetank.base.quantities import Coordinate, Frequency, Label, Time
 from wavetank.case.reading import read_case
 from wavetank.data.description import refused
-from wavetank.output.directory import CERTIFICATE, RunDirectory
+from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
+from wavetank.plots.compare_figures import amplitudes_figure
 from wavetank.plots.figures import gauges_figure
 from wavetank.recording import record_run
+from wavetank.studies.validate import uncertainties, validate
 
 FIGURES = Path("figures/validation")  # below the folder of the page
 RANGE = 0.01, 0.03  # allowed change of a misfit: absolute, and relative to the expected one
+
+
+class MeasuredAmplitude(CaseModel):
+    """A measured amplitude of an elevation or force at a frequency, and the expected error of the computed one."""
+
+    gauge: Label | None = Field(default=None, description="gauge; default: by load")
+    load: Label | None = Field(default=None, description="wall of a load along x; default: by gauge")
+    frequency: Frequency = Field(description="frequency [Hz]")
+    measured: float = Field(gt=0, description="measured amplitude [m], or [N], in a slice [N/m]")
+    error: float = Field(description="expected error of the computed amplitude, relative to the measured one")
+
+    _one_place = one_of("gauge", "load")
 
 
 class Entry(CaseModel):
@@ -41,6 +58,9 @@ class Entry(CaseModel):
     shift: Coordinate = Field(default=0.0, description="added to the positions of the data [m]")
     start: Time = Field(default=0.0, description="start of the comparison [s]")
     nrms: dict[str, float] = Field(default={}, description="expected misfit by gauge, rms over rms")
+    amplitudes: Annotated[tuple[MeasuredAmplitude, ...], Strict(False)] = Field(
+        default=(), description="amplitudes that are compared instead of records, after start"
+    )
     published: dict[str, dict[str, float]] = Field(default={}, description="misfit by gauge of other computations")
     note: str = Field(default="", description="what the misfits mean")
 
@@ -61,27 +81,29 @@ class ComparedCase(NamedTuple):
     ----------
     entry, title
         Entry of the atlas, and title of the case.
-    gauges
-        Quantities of ``compare`` over gauge; also ``nrms_clock`` with one common offset of the clock that fits best,
-        ``best_clock`` [s] beyond that of the entry, ``U_SN`` (nan if it is not resolved), and the ``expected`` misfit.
+    rows
+        Quantities of ``compare`` of each gauge; also ``nrms_clock`` with one common offset of the clock that fits best,
+        ``best_clock`` [s] beyond that of the entry, ``U_SN`` and ``U_V`` (nan if they are not resolved or stated), and
+        the ``expected`` misfit. Of an entry with amplitudes: ``frequency`` [Hz], ``measured`` and ``computed``
+        amplitude, and its relative error ``amplitude``.
     cpu
         CPU time of the steps of run and companion [s].
     """
 
     entry: Entry
     title: str
-    gauges: Dataset
+    rows: DataFrame
     cpu: float
 
     @property
     def outside(self) -> list[str]:
         """Sentences on misfits that are out of their range."""
-        size, expected = self.gauges.nrms, self.gauges.expected
-        off = np.abs(size - expected) > RANGE[0] + RANGE[1] * expected
+        name = "amplitude" if self.entry.amplitudes else "nrms"
+        size, expected = self.rows[name], self.rows.expected
+        off = self.rows[np.abs(size - expected) > RANGE[0] + RANGE[1] * np.abs(expected)]
         return [
-            f"{self.entry.name}, gauge {one.gauge.item()}: nrms = {float(one.nrms):.3f}, "
-            f"expected {float(one.expected):.3f}"
-            for one in (self.gauges.isel(gauge=n) for n in np.flatnonzero(off))
+            f"{self.entry.name}, gauge {one.gauge}: {name} = {one[name]:.3f}, expected {one.expected:.3f}"
+            for _, one in off.iterrows()
         ]
 
 
@@ -111,32 +133,62 @@ def evaluate(entry: Entry, records: Sequence[DataArray], atlas: Path, folder: Pa
 
     Raises ``InputError``, ``RunError``.
     """
-    case = read_case(atlas.parent / entry.case, ["numerics.certify=true"])
+    case = read_case(atlas.parent / entry.case, [] if entry.amplitudes else ["numerics.certify=true"])
     out, picture = OutputPath(folder / entry.name, overwrite=True), folder / FIGURES / f"{entry.name}.png"
+    picture.parent.mkdir(parents=True, exist_ok=True)
     path, certificate = record_run(case, out, comm=MPI.COMM_SELF, console=console)
     run = RunDirectory(path)
+    if entry.amplitudes:
+        cpu = run.manifest["timings"]["stepping_cpu_s"]
+        return ComparedCase(entry, case.title, amplitude_rows(entry, run, picture), cpu)
+    rows = _misfits(entry, run, records, picture)
+    return ComparedCase(entry, case.title, rows, certificate.cpu if certificate else np.nan)
+
+
+def amplitude_rows(entry: Entry, run: RunDirectory, picture: Path) -> DataFrame:
+    """Return the amplitudes of an entry, measured and computed, by least squares of all frequencies of a record."""
+    rows = []
+    for gauge, load in dict.fromkeys((one.gauge, one.load) for one in entry.amplitudes):
+        record = run.gauges.sel(gauge=gauge) if gauge else run.loads.force_x.sel(wall=load)
+        record = record.dropna("time").sel(time=slice(entry.start, None))
+        own = [one for one in entry.amplitudes if (one.gauge, one.load) == (gauge, load)]
+        phases = 2j * np.pi * np.outer(record.time, [one.frequency for one in own])
+        columns = np.hstack([np.exp(phases), np.exp(-phases), np.ones((record.size, 1))])
+        sizes = 2 * np.abs(np.linalg.lstsq(columns, record.values.astype(complex), rcond=None)[0][: len(own)])
+        rows += [
+            {
+                "gauge": f"{gauge or load}, {one.frequency:.3f} Hz",
+                "measured": one.measured,
+                "computed": size,
+                "amplitude": size / one.measured - 1,
+                "expected": one.error,
+            }
+            for one, size in zip(own, sizes, strict=True)
+        ]
+    result = DataFrame(rows)
+    amplitudes_figure(picture, result)
+    return result
+
+
+def _misfits(entry: Entry, run: RunDirectory, records: Sequence[DataArray], picture: Path) -> DataFrame:
+    """Return the misfits of a run at the gauges of records, the first of which is measured; draw them."""
     measured, *published = records
     moved = {"time": measured.time + entry.clock, "x": measured.x + entry.shift}
     measured = measured.assign_coords(moved).sel(time=slice(entry.start, None))
     half = 0.5 * crossing_period(measured.time.values, measured.values[0])
     adjusted, best = synchronised(run.gauges, measured.assign_attrs(clock_offset=(-half, half)))
-    gauges = compare(run.gauges, measured)
-    names = [str(name) for name in gauges.gauge.values]
-    gauges["nrms_clock"] = compare(run.gauges, adjusted).nrms
-    gauges["best_clock"] = "gauge", np.full(len(names), best)
-    gauges["expected"] = "gauge", [entry.nrms.get(name, np.nan) for name in names]
-    gauges["U_SN"] = "gauge", [*_numerical(run, [one.gauge.item() for one, _ in matched(run.gauges, measured)])]
-    picture.parent.mkdir(parents=True, exist_ok=True)
+    gauges, pairs = compare(run.gauges, measured), matched(run.gauges, measured)
+    rows = gauges.to_dataframe().reset_index()
+    late = rows.t_crest_computed - rows.t_crest_reference
+    sources = uncertainties(str(run.path), data.opened(entry.reference), list(gauges.gauge.values))
+    validations = [*validate(sources, pairs, gauges)]
+    stated = [one.record.U_V if MEASURED in one.parts else np.nan for one in validations]
     gauges_figure(measured, run.gauges, [synchronised(run.gauges, one)[0] for one in published], picture)
-    cpu = certificate.cpu if certificate else float("nan")
-    return ComparedCase(entry, case.title, gauges, cpu)
-
-
-def _numerical(run: RunDirectory, names: Sequence[str]) -> Iterator[float]:
-    """Yield the relative numerical uncertainty of each gauge; nan if it is not resolved."""
-    if not (run.path / CERTIFICATE).exists():
-        yield from [np.nan] * len(names)
-        return
-    certificate: Any = run.certificate
-    relative = np.sqrt((certificate.part_rms**2).sum("part")) / certificate.elevation_rms
-    yield from (float(relative.sel(gauge=name)) for name in names)
+    return rows.assign(
+        nrms_clock=compare(run.gauges, adjusted).nrms.values,
+        best_clock=best,
+        t_crest_error=late.where(np.abs(late) <= half),
+        expected=[entry.nrms.get(name, np.nan) for name in rows.gauge],
+        U_SN=[one.record.parts.get(NUMERICAL, np.nan) for one in validations],
+        U_V=stated,
+    )

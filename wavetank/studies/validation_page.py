@@ -24,7 +24,8 @@ def run_atlas(names: Sequence[str], atlas: Path, out: OutputPath) -> None:
     folder = out.folder()
     results, failures = list[ComparedCase](), list[str]()
     for entry in entries:
-        if not (records := measured_records(entry)):
+        records = measured_records(entry)
+        if not (records or entry.amplitudes):
             terminal.print(f"{entry.name}: omitted, its data are not available; see {entry.reference} in `data list`")
             continue
         with terminal.status(f"{entry.name}"):
@@ -38,55 +39,57 @@ def run_atlas(names: Sequence[str], atlas: Path, out: OutputPath) -> None:
     if results:
         frame = _frame(results)
         write_frame(folder / TABLE, frame)
-        columns = [Column(*one) for one in COLUMNS]
-        terminal.print(terminal_table(frame, columns))
-        (folder / PAGE).write_text(page(results, frame), encoding="utf-8")
+        terminal.print(terminal_table(frame, _filled(frame)))
+        (folder / PAGE).write_text(page(results), encoding="utf-8")
         terminal.print(f"wrote {folder / TABLE}, {folder / PAGE}", highlight=False)
     if failures:
         raise RunError("\n".join(failures))
 
 
 COLUMNS = (
-    ("case", "case"),
-    ("gauge", "gauge"),
-    ("nrms", "nrms", "{:.3f}"),
-    ("nrms_clock", "one clock", "{:.3f}"),
-    ("best_clock", "clock [s]", "{:+.3f}"),
-    ("crest_error", "crest", "{:+.1%}"),
-    ("t_crest_error", "its time [s]", "{:+.3f}"),
-    ("U_SN", "U_SN", "{:.1%}"),
-    ("cpu", "CPU s", "{:.3g}"),
+    Column("case", "case"),
+    Column("gauge", "gauge"),
+    Column("nrms", "nrms", "{:.3f}"),
+    Column("nrms_clock", "one clock", "{:.3f}"),
+    Column("best_clock", "clock [s]", "{:+.3f}"),
+    Column("crest_error", "crest", "{:+.1%}"),
+    Column("t_crest_error", "time [s]", "{:+.3f}"),
+    Column("measured", "measured", "{:.3g}"),
+    Column("computed", "computed", "{:.3g}"),
+    Column("amplitude", "amplitude", "{:+.1%}"),
+    Column("U_SN", "U_SN", "{:.1%}"),
+    Column("U_V", "U_V", "{:.1%}"),
 )
 
 
+def _filled(frame: DataFrame) -> list[Column]:
+    """Return the columns that have a value."""
+    return [one for one in COLUMNS if one.name in frame and frame[one.name].notna().any()]
+
+
 def _frame(results: Sequence[ComparedCase]) -> DataFrame:
-    """Return a row for each gauge of each case."""
-    frames = []
-    for one in results:
-        frame = one.gauges.to_dataframe().reset_index()
-        frame.insert(0, "case", one.entry.name)
-        frames.append(frame.assign(cpu=one.cpu, t_crest_error=frame.t_crest_computed - frame.t_crest_reference))
-    return concat(frames, ignore_index=True)
+    """Return a row for each gauge or amplitude of each case."""
+    return concat([one.rows.assign(case=one.entry.name, cpu=one.cpu) for one in results], ignore_index=True)
 
 
-def page(results: Sequence[ComparedCase], frame: DataFrame) -> str:
+def page(results: Sequence[ComparedCase]) -> str:
     """Return the page of all cases in Markdown, with their figures."""
     parts = [HEAD]
     for one in results:
-        rows = frame[frame.case == one.entry.name]
-        source = f"`{one.entry.name}`, {one.cpu:.3g} CPU s with the companion run."
-        parts += [f"## {one.title}\n", f"{source} {one.entry.note}".rstrip() + "\n", _table(rows, one.entry.published)]
-        parts.append(f"![Measured and computed elevations]({FIGURES / one.entry.name}.png)\n")
+        source = f"`{one.entry.name}`, {one.cpu:.3g} CPU s{'' if one.entry.amplitudes else ' with the companion run'}."
+        parts += [f"## {one.title}\n", f"{source} {one.entry.note}".rstrip() + "\n"]
+        parts += [_table(one.rows, one.entry.published)]
+        parts.append(f"![Measured and computed values]({FIGURES / one.entry.name}.png)\n")
     return "\n".join(parts)
 
 
 def _table(rows: DataFrame, published: dict[str, dict[str, float]]) -> str:
     """Return the table of a case in Markdown."""
-    shown = [one for one in COLUMNS if one[0] not in ("case", "cpu")]
-    heads = [*(one[1] for one in shown), *published]
+    shown = _filled(rows)
+    heads = [*(one.head for one in shown), *published]
     lines = [f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
     for _, row in rows.iterrows():
-        cells = [("" if row[name] != row[name] else (form or ["{}"])[0].format(row[name])) for name, _, *form in shown]
+        cells = ["" if row[one.name] != row[one.name] else one.format.format(row[one.name]) for one in shown]
         cells += [f"{values[row.gauge]:.3f}" if row.gauge in values else "" for values in published.values()]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
@@ -96,6 +99,8 @@ HEAD = """# Validation with measured waves
 
 `wavetank validate` computes this page. nrms is the misfit without fitted values: rms of the difference over rms of the
 measured record. "one clock" is that with the offset of the clock, the same for all gauges, that fits best (at most half
-a period). "crest" is the error of the highest crest. U_SN is the numerical uncertainty of the
-[certificate](accuracy.md), empty if it is not resolved.
+a period). "crest" and "time" are the errors of the highest crest; the time is omitted if it is another crest.
+"amplitude" is the error of the amplitude at a frequency. U_SN is the numerical uncertainty of the
+[certificate](accuracy.md), empty if it is not resolved. U_V is the [uncertainty of the error](compare.md#validation),
+where the data state theirs.
 """
