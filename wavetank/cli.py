@@ -15,16 +15,15 @@ from typing import Annotated, Any
 
 import typer
 
-import wavetank
-from wavetank import data
+from wavetank import __version__, data
 from wavetank.base.console import console
 from wavetank.base.errors import InputError, WavetankError, printable
 from wavetank.base.mpi import MPI, all_ranks_arrive, on_first
 from wavetank.base.python_file import trusting
 from wavetank.case.new import KINDS, cases_at_hand, write_case
+from wavetank.output.commands import export, status
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
-from wavetank.output.status import status
 from wavetank.planning.command import motion, plan
 from wavetank.plots.analyse_command import analyse
 from wavetank.plots.view_command import view
@@ -84,7 +83,7 @@ verify_app = typer.Typer(
 
 def _print_version(requested: bool) -> None:
     if requested:
-        console().print(f"wavetank {wavetank.__version__}", highlight=False)
+        console().print(f"wavetank {__version__}", highlight=False)
         raise typer.Exit
 
 
@@ -267,6 +266,7 @@ COMMANDS: dict[Callable[..., None], str] = {  # in the order of use, each with a
     may_execute(analyse): "analyse runs/focusing spectrum groups",
     may_execute(study): "study cases/standing-wave.toml --sweep dt=0.02,0.01",
     may_execute(calibrate): "calibrate cases/focusing.toml",
+    export: "export runs/focusing inlet --to openfoam --spacing 0.01",
     schema: "schema > case.schema.json",
 }
 for _command, _words in COMMANDS.items():

@@ -8,7 +8,6 @@ from pydantic import BeforeValidator, Field
 
 from wavetank import data
 from wavetank.base.case_model import CaseError, CaseModel, FilePath, Problem, about
-from wavetank.base.columns import read_header
 from wavetank.base.quantities import Frequency, Label, Time
 from wavetank.motion import Array
 from wavetank.motion.recorded import ELEVATION, TIME, check_rows, read_record
@@ -60,5 +59,5 @@ class ElevationFile(CaseModel):
 
 def _has_elevation(path: Path) -> bool:
     """Return whether a table has two columns without names, or a column with the name of the elevation."""
-    names = read_header(path).names
+    names = data.gauges_header(path).names
     return not names or {TIME, ELEVATION} <= {*names}

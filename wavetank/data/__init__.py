@@ -8,3 +8,4 @@ from wavetank.data.description import DATASET, DataFile, Dataset, Section, WaveH
 from wavetank.data.downloading import download, fetch
 from wavetank.data.places import dataset, find, folders, names, opened, resolve, summary, units_note
 from wavetank.data.series import HeightSeries, gauge_records, height_series
+from wavetank.data.tables import gauges_header

@@ -7,7 +7,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from wavetank.base.cache import places
-from wavetank.base.columns import Header, read_header
+from wavetank.base.columns import Header
 from wavetank.base.errors import InputError
 from wavetank.data.description import (
     DATASET,
@@ -20,6 +20,7 @@ from wavetank.data.description import (
     read_dataset,
     refused,
 )
+from wavetank.data.tables import gauges_header
 from wavetank.output.columns import parse_position_label
 
 PART = "data"  # name of the folder in the cache
@@ -75,11 +76,13 @@ def opened(reference: str) -> Dataset:
 def plain(path: Path) -> Dataset:
     """Return a table as a data set: the first column is the time, the header names the gauges of the others.
 
+    Windows and gauges of a run in NetCDF are tables, too (``tables.py``).
+
     A name may contain the position, ``5@x=50`` or ``5@x=50;y=2``, as in ``gauges.csv`` of a run, and a unit of
     ``SECONDS`` or ``METRES``, ``5 [mm]``; without one it is the first. Raises ``InputError`` for a file without a
     header, for other units, and for gauges of equal names.
     """
-    header = read_header(path)
+    header = gauges_header(path)
     if len(header.names) < 2:
         raise InputError(f"{path}: its first line must name the columns: the time [s], then the gauges [m].")
     _, time = _name_and_unit(path, header, 0, SECONDS)
@@ -106,7 +109,7 @@ def units_note(reference: str) -> str:
     path = Path(reference)
     if reference in names() or path.name == DATASET or not path.is_file():
         return ""
-    time, *columns = read_header(path).names
+    time, *columns = gauges_header(path).names
     silent = [name for name in columns if "[" not in name and "@" not in name]
     if not silent:
         return ""

@@ -19,6 +19,7 @@ from wavetank.data.description import (
     Section,
 )
 from wavetank.data.places import located, present
+from wavetank.data.tables import read_gauges
 from wavetank.output.columns import gauge_array
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ def _records(data: Dataset, records: RecordFiles) -> "DataArray":
     number = len(data.gauges)
     each = len(records.files) == number
     paths = [located(data, file) for file in records.files] * (1 if each else number)
-    tables = {path: read_columns(path) for path in dict.fromkeys(paths)}
+    tables = {path: read_gauges(path) for path in dict.fromkeys(paths)}
     seconds, metres = SECONDS[records.units.time], METRES[records.units.elevation]
     series = []
     for n, (gauge, path) in enumerate(zip(data.gauges, paths, strict=True)):

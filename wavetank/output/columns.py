@@ -24,7 +24,7 @@ ELEVATION = {
     "long_name": "elevation of the surface above still water",
     "units": "m",
 }
-TIME = {"long_name": "time since the start", "units": "s", "axis": "T"}  # times without a date: not CF's ``time``
+TIME = {"long_name": "time since the start", "units": "s"}  # without a date: no time coordinate of CF, nor an axis T
 ALONG = {"long_name": "distance along the tank from the paddle at rest", "units": "m", "axis": "X"}
 ACROSS = {"long_name": "distance across the tank", "units": "m", "axis": "Y"}
 UPWARDS = {"long_name": "height above still water", "units": "m", "axis": "Z", "positive": "up"}
@@ -187,7 +187,7 @@ def station_variables(dimension: str, header: Sequence[str], rows: Vector) -> di
     names = np.array([name for name, _ in stations], dtype=str)
     result = {
         "time": Variable(("time",), rows[:, 0], TIME),
-        dimension: Variable((dimension,), names, {"cf_role": "timeseries_id"}),
+        dimension: Variable((dimension,), names, {"cf_role": "timeseries_id", "long_name": f"name of the {dimension}"}),
         **{axis: Variable((dimension,), positions[:, n], AXES[axis]) for n, axis in enumerate(axes)},
     }
     quantities = {name: attributes for name, _, _, attributes in columns}

@@ -2,7 +2,7 @@
 
 Records can be appended to a file. The number of records is in four bytes of the header, which are rewritten after each;
 incomplete records are not counted. The netCDF library itself can neither truncate a file to the records of a checkpoint
-nor remove a record that a full disk has truncated. Its files can end in padding (4096 bytes instead of 1064), after
+nor remove a record that a full disk has truncated. Its files can end in padding (4096 bytes instead of 1044), after
 which no record can be appended.
 """
 

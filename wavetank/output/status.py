@@ -1,14 +1,11 @@
-"""``wavetank status``: the status of runs, from their directories only."""
+"""The status of runs, from their directories only."""
 
 import os
 from collections.abc import Iterator, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from wavetank.base.console import console, format_duration
+from wavetank.base.console import format_duration
 from wavetank.base.errors import InputError
 from wavetank.output.checkpoint import last_checkpoint
 from wavetank.output.directory import RunDirectory
@@ -62,18 +59,3 @@ def runs(paths: Sequence[Path]) -> Iterator[Path]:
                 yield Path(folder)
     if not result:
         raise InputError(f"{', '.join(map(str, paths))}: no run there.")
-
-
-def status(
-    paths: Annotated[
-        list[Path] | None,
-        typer.Argument(help="run directories, or folders of some; default runs/", metavar="RUN...", readable=False),
-    ] = None,
-) -> None:
-    """Print the status of runs: progress, speed, cause of failure.
-
-    It is read from their directories, during and after the runs, also on other machines.
-    """
-    terminal = console()
-    for path in runs(paths or [Path("runs")]):
-        terminal.print(status_line(path), highlight=False)
