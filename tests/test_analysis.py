@@ -96,6 +96,17 @@ def test_invalid_records_are_refused():
 
 
 # ---------------------------------------------------------------- spectra
+def test_the_spectrum_of_a_group_in_a_long_record_has_its_variance():
+    """A window that omits the group would change Hm0 by 30 % or more. A sea is divided into segments."""
+    t = np.arange(0.0, 200.0, 0.1)
+    for middle in (60.0, 97.0, 130.0):
+        eta = 0.1 * np.exp(-(((t - middle) / 6) ** 2)) * np.cos(2 * np.pi * 0.7 * t)
+        group = gauges(gauge("a", 0.0, t, eta))
+        assert float(signals.sea_state(signals.spectrum(group)).hm0[0]) == pytest.approx(4 * eta.std(), rel=1e-6)
+    waves = sum(np.cos(2 * np.pi * (0.6 + 0.01 * n) * t + n**2) for n in range(20))
+    assert signals.spectrum(gauges(gauge("a", 0.0, t, waves))).segments > 3
+
+
 def test_the_spectrum_of_a_short_record_has_its_variance_exactly():
     eta = recorded(sea(np.array([0.5, 0.8, 1.3]), np.array([0.02, 0.03, 0.01])), (0.0, 3.0), T[:400])
     S = signals.spectrum(eta)

@@ -109,7 +109,7 @@ def test_too_few_rows_and_gaps_are_refused(tmp_path):
         assert "short.csv: 3 rows received; at least 4 are needed" in said
     outside = (T < 4.0) | (T > 8.0)
     path = table(tmp_path / "gap.csv", "t,x10", T[outside], X10[outside])
-    with pytest.raises(InputError, match=r"file = .*gap\.csv: gap of 4\.\d+ s after t = 3\.95 s; allowed are"):
+    with pytest.raises(InputError, match=r"file = .*gap\.csv, line 82: gap of 4\.\d+ s after t = 3\.95 s; allowed are"):
         SurfaceMotion(file=str(path), x=4.0, delay=5.0).wished()
 
 

@@ -173,6 +173,7 @@ def places(eta: DataArray) -> Array:
 # ---------------------------------------------------------------- spectra
 SEGMENT_PERIODS = 32  # mean periods in a segment
 ENTIRE = np.inf  # duration of a segment that is the complete record [s]
+UNSTEADY = 0.1  # difference of Hm0 of segments and of the record above which the record is one segment
 LOW_ENDS = 0.25  # height of waves at both ends of a record over the largest one, below which no window is applied
 PEAK_POWER = 4  # power of S in the weighted peak frequency: I. R. Young, Ocean Eng. 22, 1995
 
@@ -200,12 +201,16 @@ def spectrum(eta: DataArray, *, segment: float | None = None) -> DataArray:
 
     Welch's method: segments of a duration [s] (default: 32 mean periods) that overlap by half, each without its mean
     and in a Hann window. A record shorter than two segments is one segment without a window, so that the sum of S times
-    the step of f is exactly its variance. The attribute ``segments`` is their number n; the relative error of S is
-    about 1.2 / √n.
+    the step of f is exactly its variance. By default so is a record whose Hm0 by segments differs by more than 10 %,
+    such as a group, which a window may omit (in seas of 66 periods and more it does in 0 to 2 %). The attribute
+    ``segments`` is their number n; the relative error of S is about 1.2 / √n.
     """
     rate, size = 1 / time_step(eta), samples(eta, segment)
-    window = "boxcar" if size == eta.time.size else "hann"
-    f, S = signal.welch(eta.values, rate, window, nperseg=size, detrend="constant")
+    f, S = _welch(eta.values, rate, size)
+    height = np.sqrt(S[..., 1:].sum(axis=-1) * f[1])
+    if segment is None and (np.abs(height - (std := eta.values.std(axis=-1))) > UNSTEADY * std).any():
+        size = eta.time.size
+        f, S = _welch(eta.values, rate, size)
     return DataArray(
         S,
         {**_stations(eta), "frequency": ("frequency", f, {"units": "Hz"})},
@@ -213,6 +218,13 @@ def spectrum(eta: DataArray, *, segment: float | None = None) -> DataArray:
         name="spectrum",
         attrs={"long_name": "variance density", "units": "m2 Hz-1", "segments": 2 * eta.time.size // size - 1},
     )
+
+
+def _welch(values: Array, rate: float, size: int) -> tuple[Array, Array]:
+    """Return frequencies and variance density of values, shape (..., T), in segments of a size."""
+    window = "boxcar" if size == values.shape[-1] else "hann"
+    f, S = signal.welch(values, rate, window, nperseg=size, detrend="constant")
+    return f, S
 
 
 def _stations(eta: DataArray) -> dict[Hashable, DataArray]:

@@ -14,6 +14,7 @@ from wavetank.base.errors import InputError
 from wavetank.base.files import TEXT, regular
 
 Array = NDArray[np.float64]
+MAX_INTERVALS, MAX_PERIODS = 10.0, 0.25  # largest gap between rows, in median intervals and in periods of the motion
 CELL = re.compile(r"[-+]?\d*(,\d+)?([eE][-+]?\d+)?")  # a number with a decimal comma, or an integer
 
 
@@ -96,6 +97,27 @@ def check_ascending(
         if not value > before:
             received = f"{what[0]} {value:g} received after {before:g}"
             raise InputError(f"{path}, line {number}: {received}; {what[1]} must ascend.")
+
+
+def check_gaps(path: Path | str, t: Array, values: Array, lines: Sequence[int] = ()) -> None:
+    """Raise ``InputError`` for a gap between two rows that is too long to interpolate; it names a given line.
+
+    Intervals up to ten median intervals are allowed, and up to a quarter of the motion's period: over that a cubic
+    through values and slopes at both ends has an error of 2 % of a sine's amplitude. The period is that of the sine
+    with the range and the largest rate of the values at times t [s], shape (N,).
+    """
+    if (intervals := np.diff(t)).size == 0:
+        return
+    widest, usual = int(intervals.argmax()), float(np.median(intervals))
+    rate = float(np.abs(np.diff(values) / intervals).max())
+    period = np.pi * float(np.ptp(values)) / rate if rate else np.inf
+    allowed = max(MAX_INTERVALS * usual, MAX_PERIODS * period)
+    if intervals[widest] > allowed:
+        where = f"{path}, line {lines[widest + 1]}" if lines else path
+        raise InputError(
+            f"{where}: gap of {intervals[widest]:.4g} s after t = {t[widest]:.6g} s; "
+            f"allowed are {allowed:.3g} s (median interval {usual:.3g} s, period about {period:.3g} s): add rows."
+        )
 
 
 def first_line(path: Path) -> str:

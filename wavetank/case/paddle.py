@@ -32,7 +32,7 @@ from wavetank.case.elevation_file import ElevationFile
 from wavetank.case.tank import AnyTank, BasinTank, Context, in_tank, read_file
 from wavetank.mesh import MeshFile
 from wavetank.motion.motion import widest_segment
-from wavetank.motion.recorded import check_gaps, hermite, in_metres, read_record
+from wavetank.motion.recorded import hermite, in_metres, read_record
 from wavetank.waves import airy, spectra
 from wavetank.waves.focusing import Fan, FocusedGroup, ReflectedGroup
 from wavetank.waves.measured import TargetElevation, read_components, target_elevation
@@ -349,7 +349,6 @@ class SurfaceFile(GeneratingMotion, ElevationFile):
         """Return the elevation; raises ``CaseError`` if the file cannot be read, or has no such waves."""
         t, eta = self.record(*MOTION_KEY)
         with about(*FILE_KEY, received=self.file):
-            check_gaps(self.file, t - self.delay, eta)
             return target_elevation(t, eta, band=(self.lowest_frequency, self.highest_frequency))
 
     @property

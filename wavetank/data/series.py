@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.base.columns import ColumnTable, check_ascending, read_columns
+from wavetank.base.columns import ColumnTable, check_ascending, check_gaps, read_columns
 from wavetank.base.errors import InputError
 from wavetank.data.description import (
     METRES,
@@ -67,6 +67,7 @@ def _records(data: Dataset, records: RecordFiles) -> "DataArray":
         column = records.columns[n] if records.columns else _usual(gauge.name, table, SECOND if each else SECOND + n)
         t, eta = (_column(path, table, one) for one in (records.time, column))
         check_ascending(path, table.lines, t)
+        check_gaps(path, seconds * t, eta, table.lines)
         scale = metres * (records.gains[n] if records.gains else 1.0)
         clock = records.clocks[n] if records.clocks else 0.0
         x = np.nan if gauge.x is None else gauge.x

@@ -3,14 +3,13 @@
 The ``paddle.csv`` of a run has positions, velocities and accelerations; a spline of degree 5 interpolates all of them.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy
 
-from wavetank.base.columns import check_ascending, first_line, read_columns
+from wavetank.base.columns import check_ascending, check_gaps, first_line, read_columns
 from wavetank.base.errors import InputError
 from wavetank.base.python_file import PythonFunction
 from wavetank.motion.motion import Array, Motion
@@ -32,7 +31,6 @@ def hermite(t: Array, X: Array, velocity: Array, acceleration: Array) -> "scipy.
 
 TIME, ELEVATION, STATE = "t [s]", "elevation [m]", ("position [m]", "velocity [m/s]", "acceleration [m/s^2]")
 MIN_ROWS = 4
-MAX_INTERVALS, MAX_PERIODS = 10.0, 0.25  # largest gap between rows, in median intervals and in periods of the motion
 _ALLOWED = "allowed are two finite numbers, a time [s] and a value, separated by blanks or a comma"
 
 
@@ -79,26 +77,6 @@ def check_rows(path: Path | str, rows: int) -> None:
     """Raise ``InputError`` for too few rows of a record."""
     if rows < MIN_ROWS:
         raise InputError(f"{path}: {rows} rows received; at least {MIN_ROWS} are needed for a cubic spline.")
-
-
-def check_gaps(path: Path | str, t: Array, values: Array, lines: Sequence[int] = ()) -> None:
-    """Raise ``InputError`` for a gap between two rows that is too long to interpolate; it names a given line.
-
-    Intervals up to ten median intervals are allowed, and up to a quarter of the motion's period: over that a cubic
-    through values and slopes at both ends has an error of 2 % of a sine's amplitude. The period is that of the sine
-    with the range and the largest rate of the values at times t [s], shape (N,).
-    """
-    intervals = np.diff(t)
-    widest, usual = int(intervals.argmax()), float(np.median(intervals))
-    rate = float(np.abs(np.diff(values) / intervals).max())
-    period = np.pi * float(np.ptp(values)) / rate if rate else np.inf
-    allowed = max(MAX_INTERVALS * usual, MAX_PERIODS * period)
-    if intervals[widest] > allowed:
-        where = f"{path}, line {lines[widest + 1]}" if lines else path
-        raise InputError(
-            f"{where}: gap of {intervals[widest]:.4g} s after t = {t[widest]:.6g} s; "
-            f"allowed are {allowed:.3g} s (median interval {usual:.3g} s, period about {period:.3g} s): add rows."
-        )
 
 
 DIFFERENCE_STEP = 1e-4  # step of difference quotients [s]

@@ -8,7 +8,7 @@ instead. A change of the program that moves a misfit out of its range fails.
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -69,6 +69,10 @@ class Entry(CaseModel):
         """The name of its case."""
         return Path(self.case).stem
 
+    def called(self, name: str) -> bool:
+        """Return whether a name is that of its case or its data set; - and _ are equal."""
+        return name.replace("-", "_") in {one.replace("-", "_") for one in (self.name, self.reference)}
+
 
 class _Atlas(CaseModel):
     entries: Annotated[tuple[Entry, ...], Strict(False)]
@@ -100,24 +104,51 @@ class ComparedCase(NamedTuple):
         """Sentences on misfits that are out of their range."""
         name = "amplitude" if self.entry.amplitudes else "nrms"
         size, expected = self.rows[name], self.rows.expected
-        off = self.rows[np.abs(size - expected) > RANGE[0] + RANGE[1] * np.abs(expected)]
+        off = self.rows[np.abs(size - expected) > allowed_change(expected)]
         return [
-            f"{self.entry.name}, gauge {one.gauge}: {name} = {one[name]:.3f}, expected {one.expected:.3f}"
+            f"{self.entry.name}, gauge {one.gauge}: {name} = {one[name]:.3f}, expected {range_text(one.expected)}"
             for _, one in off.iterrows()
         ]
 
 
+def allowed_change(expected: Any) -> Any:
+    """Return the allowed change of a misfit, for a number or a column."""
+    return RANGE[0] + RANGE[1] * np.abs(expected)
+
+
+def range_text(expected: float) -> str:
+    """Return a misfit and its allowed change as text; empty for nan."""
+    return "" if np.isnan(expected) else f"{expected:.3f} ± {allowed_change(expected):.3f}"
+
+
 def read_atlas(path: Path, names: Sequence[str] = ()) -> list[Entry]:
-    """Return the entries of an atlas, or those of some names; raises ``InputError``."""
+    """Return the entries of an atlas, or those of some names.
+
+    Raises ``InputError``, also if a case cannot be read, a data set is unknown, or an expected misfit has no gauge.
+    """
     try:
         entries = _Atlas.model_validate(tomllib.loads(path.read_text(encoding="utf-8"))).entries
     except (OSError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: {error}") from None
     except ValidationError as error:
         raise refused(path, error) from None
-    if unknown := [name for name in names if name not in (one.name for one in entries)]:
-        raise InputError(f"{path}: has no case {unknown[0]!r}; its cases are {', '.join(one.name for one in entries)}.")
-    return [one for one in entries if not names or one.name in names]
+    for name in names:
+        if not any(one.called(name) for one in entries):
+            have = ", ".join(one.name for one in entries)
+            raise InputError(f"{path}: has no case {name!r}; its cases are {have}.")
+    chosen = [one for one in entries if not names or any(map(one.called, names))]
+    for one in chosen:
+        read_case(path.parent / one.case)
+        if one.amplitudes:
+            continue
+        if one.reference not in data.names():
+            raise InputError(f"{path}: {one.name}: reference = {one.reference!r} is no data set (`data list`).")
+        gauges = [gauge.name for gauge in data.dataset(one.reference).gauges]
+        if foreign := [name for name in one.nrms if name not in gauges]:
+            raise InputError(
+                f"{path}: {one.name}: nrms of {foreign[0]!r} received; its gauges are {', '.join(gauges)}."
+            )
+    return chosen
 
 
 def measured_records(entry: Entry) -> list[DataArray]:

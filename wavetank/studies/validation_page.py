@@ -7,10 +7,10 @@ from pandas import DataFrame, concat
 from rich.console import Console
 
 from wavetank.base.console import console
-from wavetank.base.errors import RunError, WavetankError
+from wavetank.base.errors import InputError, RunError, WavetankError
 from wavetank.output.files import OutputPath
 from wavetank.plots.tables import Column, terminal_table, write_frame
-from wavetank.studies.atlas import FIGURES, ComparedCase, evaluate, measured_records, read_atlas
+from wavetank.studies.atlas import FIGURES, ComparedCase, evaluate, measured_records, range_text, read_atlas
 
 PAGE, TABLE = "validation.md", "validation.csv"
 
@@ -18,15 +18,16 @@ PAGE, TABLE = "validation.md", "validation.csv"
 def run_atlas(names: Sequence[str], atlas: Path, out: OutputPath) -> None:
     """Run the cases of an atlas, or those of some names; write and print their misfits.
 
-    Raises ``InputError``, and ``RunError`` with the misfits that are out of their ranges.
+    Raises ``InputError``, also if the data of all cases are missing, and ``RunError`` with the misfits that are out of
+    their ranges.
     """
     terminal, entries = console(), read_atlas(atlas, names)
-    folder = out.folder()
-    results, failures = list[ComparedCase](), list[str]()
+    results, failures, omitted, folder = list[ComparedCase](), list[str](), 0, out.folder()
     for entry in entries:
         records = measured_records(entry)
         if not (records or entry.amplitudes):
             terminal.print(f"{entry.name}: omitted, its data are not available; see {entry.reference} in `data list`")
+            omitted += 1
             continue
         with terminal.status(f"{entry.name}"):
             try:
@@ -41,7 +42,12 @@ def run_atlas(names: Sequence[str], atlas: Path, out: OutputPath) -> None:
         write_frame(folder / TABLE, frame)
         terminal.print(terminal_table(frame, _filled(frame)))
         (folder / PAGE).write_text(page(results), encoding="utf-8")
+        number, outside = int(frame.expected.notna().sum()), sum(len(one.outside) for one in results)
         terminal.print(f"wrote {folder / TABLE}, {folder / PAGE}", highlight=False)
+        checked = f"{number - outside} of {number} misfits are in their ranges"
+        terminal.print(f"{checked}{f'; {omitted} cases omitted' if omitted else ''}", highlight=False)
+    elif not failures:
+        raise InputError("no case was checked: the data of all are missing (`wavetank data list`).")
     if failures:
         raise RunError("\n".join(failures))
 
@@ -50,6 +56,7 @@ COLUMNS = (
     Column("case", "case"),
     Column("gauge", "gauge"),
     Column("nrms", "nrms", "{:.3f}"),
+    Column("range", "expected"),
     Column("nrms_clock", "one clock", "{:.3f}"),
     Column("best_clock", "clock [s]", "{:+.3f}"),
     Column("crest_error", "crest", "{:+.1%}"),
@@ -69,7 +76,8 @@ def _filled(frame: DataFrame) -> list[Column]:
 
 def _frame(results: Sequence[ComparedCase]) -> DataFrame:
     """Return a row for each gauge or amplitude of each case."""
-    return concat([one.rows.assign(case=one.entry.name, cpu=one.cpu) for one in results], ignore_index=True)
+    frame = concat([one.rows.assign(case=one.entry.name, cpu=one.cpu) for one in results], ignore_index=True)
+    return frame.assign(range=frame.expected.map(range_text))
 
 
 def page(results: Sequence[ComparedCase]) -> str:
@@ -78,7 +86,7 @@ def page(results: Sequence[ComparedCase]) -> str:
     for one in results:
         source = f"`{one.entry.name}`, {one.cpu:.3g} CPU s{'' if one.entry.amplitudes else ' with the companion run'}."
         parts += [f"## {one.title}\n", f"{source} {one.entry.note}".rstrip() + "\n"]
-        parts += [_table(one.rows, one.entry.published)]
+        parts += [_table(one.rows.assign(range=one.rows.expected.map(range_text)), one.entry.published)]
         parts.append(f"![Measured and computed values]({FIGURES / one.entry.name}.png)\n")
     return "\n".join(parts)
 
@@ -103,4 +111,9 @@ a period). "crest" and "time" are the errors of the highest crest; the time is o
 "amplitude" is the error of the amplitude at a frequency. U_SN is the numerical uncertainty of the
 [certificate](accuracy.md), empty if it is not resolved. U_V is the [uncertainty of the error](compare.md#validation),
 where the data state theirs.
+
+`cases/validation/atlas.toml` has an entry for each case: `case` is a file relative to it, `reference` a data set,
+`clock` [s] and `shift` [m] are added to the times and positions of the data, `start` [s] begins the comparison. `nrms`
+has the expected misfits. A misfit that differs by more than 0.01 + 3 %, in either direction, has exit code 1.
+`amplitudes` has measured amplitudes and their expected errors instead.
 """
