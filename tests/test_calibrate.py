@@ -184,6 +184,45 @@ def test_mixing_solves_a_linear_problem_in_as_many_steps_as_unknowns():
     np.testing.assert_allclose(settings[-1], np.linalg.solve(matrix, right), atol=1e-6)
 
 
+def test_part_of_a_correction_is_mixed_with_damped_weights():
+    """Oracle: the normal equation of one weight, with a damping of 0.2 (1 - part) of the size of the effect."""
+    settings, missing = np.array([[0.0], [1.0]]), np.array([[2.0], [1.0j]])
+    for part in (1.0, 0.5, 0.25):
+        weight = 1 / (5 * (1 + (0.2 * (1 - part)) ** 2))  # the effect is -2 + 1j, of which 1j has a part of 1 / 5
+        expected = 1 - weight + part * (1j - weight * (-2 + 1j))
+        assert aims.mixed(settings, missing, part=part) == pytest.approx(expected)
+
+
+def test_reversed_target_gives_the_waves_of_a_reversible_tank(wanted, tmp_path):
+    """Oracle: a tank that changes the phases of its waves by 2 to 7 rad, in either direction of time."""
+
+    def transfer(omega):
+        return np.exp(1j * (2.0 + 0.1 * omega**2))
+
+    by_theory = in_linear_tank(wanted, tmp_path, wanted.start, transfer=transfer)
+    waves, t = wanted.waves(wanted.reversed), np.arange(0.0, 40.1, 0.1)
+    assert waves.elevation(0.0, 40.0 - wanted.wanted.time.values) == pytest.approx(wanted.wanted.values, abs=2e-4)
+    eta = replace(waves, amplitudes=waves.amplitudes * transfer(waves.omega)).elevation(10.0, t)
+    run = write_run(tmp_path / "reversed", gauges=gauges(gauge("target", 10.0, t, eta)))
+    result = in_linear_tank(wanted, tmp_path, wanted.start_after(run), transfer=transfer)
+    assert by_theory.nrms > 1.0 and result.nrms < 0.05  # of which 0.035 is the even part
+
+
+def test_correction_of_the_best_record_is_halved_after_a_worse_one(wanted, tmp_path, monkeypatch):
+    """The second and the fourth of four attempts are worse than the first; the third is the best."""
+    received = {}
+    monkeypatch.setattr(aims, "mixed", lambda settings, missing, *, part: received.update(part=part, of=settings))
+    settings = [factor * wanted.start for factor in (0.8, 0.7, 0.95, 1.4)]
+    history = [
+        attempt(wanted, one, in_linear_tank(wanted, tmp_path, one, transfer=np.ones_like), number)
+        for number, one in enumerate(settings)
+    ]
+    for number, last, part in ((1, 0, 1.0), (2, 0, 0.5), (3, 2, 0.5), (4, 2, 0.25)):
+        wanted.next_setting(history[:number])
+        assert received["part"] == part and received["of"].shape[0] == number
+        np.testing.assert_array_equal(received["of"][-1], settings[last])
+
+
 # ---------------------------------------------------------------- the command
 MOTION = "type='focused', linear_crest=0.05, focus_x=2.0, focus_time=10.0"
 TINY = changed(
@@ -199,8 +238,8 @@ TINY = changed(
 
 
 @pytest.fixture
-def tiny(tmp_path, monkeypatch):
-    """Return a function that calibrates a small linear tank, whose runs are of this process."""
+def in_process(monkeypatch):
+    """Execute runs in this process, with the case's numerics."""
 
     def called(self, runs):
         for one in runs:
@@ -213,6 +252,11 @@ def tiny(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Runner, "run", called)
     monkeypatch.setattr(calibration, "cheaper", lambda scene: None)
+
+
+@pytest.fixture
+def tiny(tmp_path, in_process):
+    """Return a function that calibrates a small linear tank."""
     return lambda *words: commanded("calibrate", str(FOCUSING), "--out", str(tmp_path / "out"), *TINY, *words)
 
 
@@ -289,6 +333,58 @@ def test_run_that_fails_ends_the_calibration(tiny, monkeypatch):
     monkeypatch.setattr(Runner, "run", ended("failed", "the disk is full."))
     said = tiny()
     assert said.returncode == 1 and said.stderr == "wavetank: the disk is full.\n"
+
+
+RECORD = (
+    "tank.length=12.0",
+    "gauges=[]",
+    "run.duration=20.0",
+    "numerics={cell_size=0.5, vertical_order=4, dt=0.05}",
+    "wall.motion={type='surface', file='ETA', x=2.0, delay=5.0}",
+    "target={type='record', file='ETA', x=2.0, tolerance=0.001}",
+)
+
+
+@pytest.fixture
+def group_record(tmp_path):
+    """Return changes of a case that has the record of a group as its target, in nonlinear water."""
+    t = np.arange(0.0, 20.0, 0.05)
+    path = tmp_path / "eta.txt"
+    np.savetxt(path, np.column_stack([t, 0.01 * np.exp(-(((t - 11) / 2) ** 2)) * np.cos(5.0 * t)]))
+    return changed(*(one.replace("ETA", str(path)) for one in RECORD))
+
+
+def test_first_waves_are_linear_if_the_run_with_the_reversed_target_breaks_down(
+    in_process, undrawn, monkeypatch, tmp_path, group_record
+):
+    """The frequencies of the record, and the cause, are printed once."""
+    monkeypatch.setattr(Runner, "run", ended("broke down", "it broke."))
+    result = commanded("calibrate", str(FOCUSING), "--out", str(tmp_path / "out"), *group_record)
+    first, reason, attempts, *_ = result.stdout.splitlines()
+    assert first.startswith("target: waves of 0.") and first.endswith("replaces the limit of its spectrum")
+    assert reason.startswith("the first waves are those of linear theory") and reason.endswith(": it broke.")
+    assert attempts.startswith("attempt 1: it broke") and "as high as it needs cannot be run" in result.stderr
+    written = np.loadtxt(tmp_path / "out" / "attempt-1.csv", delimiter=",")
+    aim = aim_of(read_case(FOCUSING, group_record[1::2]))
+    np.testing.assert_allclose(written[:, 1], np.abs(aim.start), rtol=1e-6)
+    assert tomllib.loads((tmp_path / "out" / "attempt-1.toml").read_text())["wall"]["motion"]["generation"] == "linear"
+
+
+def test_calibration_begins_with_the_reversed_target_and_is_continued(in_process, undrawn, tmp_path, group_record):
+    """Oracle: the setting from the gauge of the first run. Linear water does not need it."""
+    command = ("calibrate", str(FOCUSING), "--out", str(tmp_path / "out"), *group_record, "--most")
+    result = commanded(*command, "3")
+    assert result.returncode == 1 and "run with the reversed target: " in result.stdout
+    (row,) = csv_rows(tmp_path / "out" / TABLE)
+    assert int(row["runs"]) == 3 and float(row["nrms"]) < 0.02
+    run = RunDirectory(tmp_path / "out" / "runs" / "0")
+    aim = aim_of(read_case(FOCUSING, group_record[1::2]))
+    written = np.loadtxt(tmp_path / "out" / "attempt-1.csv", delimiter=",")
+    np.testing.assert_allclose(written[:, 1], np.abs(aim.start_after(run)), rtol=1e-6)
+    before = {path: path.read_bytes() for path in run.path.parent.glob("*/manifest.json")}
+    assert len(before) == 3 and commanded(*command, "3").stdout.splitlines()[-1].startswith("attempt 1: crest")
+    assert {path: path.read_bytes() for path in run.path.parent.glob("*/manifest.json")} == before
+    assert aim_of(read_case(FOCUSING, [*group_record[1::2], "water.type=linear"])).reversed is None
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from wavetank.base.case_model import CaseError, CaseModel, FilePath, Problem, ab
 from wavetank.base.quantities import Frequency, Label, Time
 from wavetank.motion import Array
 from wavetank.motion.recorded import ELEVATION, TIME, check_rows, read_record
+from wavetank.waves.measured import TargetElevation
 
 RecordFile = Annotated[FilePath, BeforeValidator(lambda name: f"data:{name}" if name in data.names() else name)]
 
@@ -32,6 +33,12 @@ class ElevationFile(CaseModel):
         description="highest generated frequency [Hz]; default that of the waves above the background of the "
         "spectrum, at most four times the mean",
     )
+
+    def generated_band(self, waves: TargetElevation) -> str:
+        """Return the frequencies that are generated of the record, and the key of a limit that is by default."""
+        f = waves.frequencies
+        note = f"waves of {f[0]:.3g} to {f[-1]:.3g} Hz of the record are generated"
+        return note if self.highest_frequency else f"{note}; highest_frequency replaces the limit of its spectrum"
 
     def record(self, *key: str) -> tuple[Array, Array]:
         """Return delayed times [s] and elevations [m], shape (N,) each.

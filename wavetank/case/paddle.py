@@ -364,9 +364,7 @@ class SurfaceFile(GeneratingMotion, ElevationFile):
 
     def band_note(self) -> str:
         """Return the frequencies that are generated of the record, and the key of a limit that is by default."""
-        f = self.wished().frequencies
-        note = f"waves of {f[0]:.3g} to {f[-1]:.3g} Hz of the record are generated"
-        return note if self.highest_frequency else f"{note}; highest_frequency replaces the limit of its spectrum"
+        return self.generated_band(self.wished())
 
     def default_ramp(self, tank: AnyTank) -> float:
         """Return two mean periods [s]."""

@@ -13,6 +13,10 @@ correction is c / G times the difference W - M: bound harmonics, which the recor
 the paddle. G is computed from the odd part of two runs with opposite phases, which excludes second harmonics and all
 other even orders. If the target is a set of components, m is reduced to these.
 
+The phases of steep waves change by several radians between paddle and record. Potential flow is reversible as long as
+no wave breaks: the tank, with the reversed record w(T - t) as the motion of its paddle, has at the same distance the
+reversed elevation that the paddle must generate. Its Fourier components are the first setting.
+
 Sources: C. G. Broyden, "A class of methods for solving nonlinear simultaneous equations", Math. Comp. 19, 1965; J. R.
 Chaplin, "On frequency-focusing unidirectional waves", Int. J. Offshore and Polar Eng. 6, 1996; S. Schmittner, S.
 Kosleck, J. Hennig, "A phase-amplitude iteration scheme for the optimization of deterministic wave sequences", OMAE
@@ -169,6 +173,7 @@ class CrestAim:
 
     def __init__(self, target: CrestTarget, waves: PlaneWaves):
         self.x, self.start, self.wanted = target.x, np.zeros(3), record_of([target.time], [target.height])
+        self.reversed, self.note = None, ""
         self._target, self._waves, self._scale = target, waves, scale(waves)
 
     def waves(self, setting: Setting) -> PlaneWaves:
@@ -284,6 +289,8 @@ def _highest(t: Array, eta: Array) -> tuple[Array, Array]:
 BAND = 0.08  # standard deviation of a band over the mean frequency, at least the resolution of the record
 MIN_BAND_ENERGY = 1e-4  # energy over that of the largest band below which the transfer function is uncertain
 MIN_TRANSFER = 0.5  # transfer function below which corrections are reduced
+RELAXATION = 0.5  # factor of the correction of a record after an attempt that is not the best
+DAMPING = 0.2  # damping of the mixing of records over the size of the effects
 REDUCTION = 0.8  # factor of the setting of a record for lower waves
 RECORD_REFINEMENT = 8  # refinement of the times of a record for the search of a crest
 PAIRS = 2  # attempts with two runs of opposite phases
@@ -329,6 +336,33 @@ class Lines:
         return np.asarray((self._phase_factors @ self.of(eta)).real)
 
 
+class Reversal(NamedTuple):
+    """The reversal of time, t becomes end - t, of a record and of its waves.
+
+    Attributes
+    ----------
+    t
+        Times [s] from 0 to the end of the record, shape (N,).
+    end
+        Time [s] that becomes 0.
+    band
+        Lowest and highest frequency of the record [Hz].
+    generated
+        Whether a component of the record in this band is generated, shape (M,).
+    """
+
+    t: Array
+    end: float
+    band: tuple[float, float]
+    generated: NDArray[np.bool_]
+
+    def setting(self, record: DataArray) -> Setting:
+        """Return the amplitudes [m] of the generated components of a record that is reversed."""
+        eta = CubicSpline(record.time, record)(self.end - self.t)
+        result = target_elevation(self.t, eta, band=self.band)
+        return np.asarray(result.amplitudes * np.exp(-1j * result.phases))[self.generated]
+
+
 class RecordAim:
     """The aim of an elevation over time at a position.
 
@@ -346,6 +380,10 @@ class RecordAim:
         Whether the record is that of linear waves alone.
     judged
         Angular frequencies [rad/s] of the misfit; default: those of the waves.
+    reversal
+        Reversal of time, for first waves from a run with the reversed target; default: none.
+    note
+        The frequencies of the target, for the user.
     """
 
     def __init__(
@@ -357,8 +395,11 @@ class RecordAim:
         tolerance: float,
         linear: bool,
         judged: Array | None = None,
+        reversal: Reversal | None = None,
+        note: str = "",
     ):
         self.x, self.start, self.wanted, self._waves = x, waves.amplitudes, wanted, waves
+        self.note, self._reversal = note, reversal
         self._tolerance, self._linear = tolerance, linear
         period = scale(waves).period
         self._t, self._eta = wanted.time.values, wanted.values
@@ -368,6 +409,19 @@ class RecordAim:
     def waves(self, setting: Setting) -> PlaneWaves:
         """Return the waves of a setting."""
         return replace(self._waves, amplitudes=setting)
+
+    @property
+    def reversed(self) -> Setting | None:
+        """The setting of waves that have the reversed target at the paddle; None without a reversal."""
+        if self._reversal is None:
+            return None
+        delay = self._waves.k_x * self.x - self._waves.omega * self._reversal.end
+        return np.asarray((self.start * np.exp(1j * delay)).conj())
+
+    def start_after(self, run: RunDirectory) -> Setting:
+        """Return the first setting, by a run of the waves with the reversed target."""
+        assert self._reversal is not None
+        return self._reversal.setting(gauge_at(run, self.x))
 
     def late(self) -> tuple[float, float]:
         """Return the part of the target that cannot arrive from a paddle that starts at t = 0, by linear theory.
@@ -399,11 +453,17 @@ class RecordAim:
         return AttemptResult(highest, nrms / self._tolerance, record_of(self._t, eta), nrms=nrms, odd=odd)
 
     def next_setting(self, attempts: Sequence[Attempt]) -> Setting:
-        """Return the newest setting with its correction, mixed with earlier ones."""
+        """Return the best setting with its correction, mixed with the others.
+
+        The correction is halved for each attempt that was not better than all before.
+        """
         inverse = self._inverse(attempts) * np.exp(-1j * self._waves.k_x * self.x)
         same = [one for one in attempts if one.numerics == attempts[-1].numerics]
+        misfits = [one.result.misfit for one in same]
+        worse = np.count_nonzero(misfits > np.minimum.accumulate(misfits))
+        same.append(same.pop(int(np.argmin(misfits))))
         missing = [inverse * self._lines.of(self._eta - one.result.record.values) for one in same]
-        return mixed(np.array([one.setting for one in same]), np.array(missing))
+        return mixed(np.array([one.setting for one in same]), np.array(missing), part=RELAXATION**worse)
 
     def _inverse(self, attempts: Sequence[Attempt]) -> Complex:
         """Return coherence over transfer function, in bands, from the settings and their changes."""
@@ -428,16 +488,20 @@ class RecordAim:
         return np.asarray(REDUCTION * setting)
 
 
-def mixed(settings: Complex, missing: Complex) -> Complex:
-    """Return the newest setting plus its correction by Anderson mixing; both arguments have shape (attempts, N).
+def mixed(settings: Complex, missing: Complex, *, part: float = 1.0) -> Complex:
+    """Return the last setting plus a part of its correction by Anderson mixing; arguments have shape (attempts, N).
+
+    Each weight of the mixing is damped by 1 - part.
 
     Source: D. G. Anderson, "Iterative procedures for nonlinear integral equations", J. ACM 12, 1965.
     """
-    changes, effects = np.diff(settings, axis=0), np.diff(missing, axis=0)
+    changes, effects = (one[-1] - one[:-1] for one in (settings, missing))
     stacked = np.concatenate([effects.real, effects.imag], axis=1).T
     now = np.concatenate([missing[-1].real, missing[-1].imag])
-    weights = np.linalg.lstsq(stacked, now, rcond=None)[0] if len(effects) else np.zeros(0)
-    return np.asarray(settings[-1] + missing[-1] - weights @ (changes + effects))
+    damping = DAMPING * (1 - part) * np.diag(np.linalg.norm(stacked, axis=0))
+    system = np.concatenate([stacked, damping]), np.append(now, np.zeros(len(effects)))
+    weights = np.linalg.lstsq(*system, rcond=None)[0] if len(effects) else np.zeros(0)
+    return np.asarray(settings[-1] - weights @ changes + part * (missing[-1] - weights @ effects))
 
 
 def started(waves: PlaneWaves, x: float, t: Array) -> Array:
@@ -536,7 +600,7 @@ def _record(target: RecordTarget, case: Case) -> Aim:
     """Return the aim of a record; its first waves are those of linear theory that can arrive in time."""
     t, eta = _target_window(target, case)
     with about("target", "file"):
-        result = _record_waves(t, eta, band=(target.lowest_frequency, target.highest_frequency))
+        times, result = _record_waves(t, eta, band=(target.lowest_frequency, target.highest_frequency))
     tank, where = case.tank, {"x": target.x, "time": result.begin}
     k = airy.wave_number(2 * np.pi * result.frequencies, tank.depth, tank.gravity)
     arrived = target.x / airy.group_velocity(k, tank.depth, tank.gravity) < (middle := _median_time(t, eta))
@@ -547,9 +611,20 @@ def _record(target: RecordTarget, case: Case) -> Aim:
     waves = waves_along(*of, depth=tank.depth, gravity=tank.gravity, **where)
     judged = 2 * np.pi * result.frequencies
     fewest = min(t.size, int(MAX_MATRIX / judged.size))
-    times = _times(t[0], t[-1], judged, fewest=fewest)
-    wanted = record_of(times, CubicSpline(t, eta)(times))
-    aim = RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=False, judged=judged)
+    even = _times(t[0], t[-1], judged, fewest=fewest)
+    wanted = record_of(even, CubicSpline(t, eta)(even))
+    ends = float(result.frequencies[0]), float(result.frequencies[-1])
+    nonlinear = not isinstance(case.water, LinearWater)
+    aim = RecordAim(
+        target.x,
+        wanted,
+        waves,
+        tolerance=target.tolerance,
+        linear=False,
+        judged=judged,
+        reversal=Reversal(times, case.run.duration, ends, arrived) if nonlinear else None,
+        note=f"target: {target.generated_band(result)}",
+    )
     return _checked_arrival(aim, case, max(target.tolerance, MAX_UNREACHED))
 
 
@@ -576,12 +651,15 @@ def _target_window(target: RecordTarget, case: Case) -> tuple[Array, Array]:
     return t[inside], eta[inside]
 
 
-def _record_waves(t: Array, eta: Array, *, band: tuple[float | None, float | None]) -> TargetElevation:
-    """Return the waves of a record with still water from t = 0 on before it, so that no periodic copy precedes it."""
+def _record_waves(t: Array, eta: Array, *, band: tuple[float | None, float | None]) -> tuple[Array, TargetElevation]:
+    """Return the waves of a record with still water from t = 0 on before it, and the times [s] of both.
+
+    The still water prevents that a periodic copy precedes the record.
+    """
     lull = np.arange(0.0, t[0], float(np.diff(t).mean()))[:-1]
     period = 1 / target_elevation(t, eta, band=band).mean_frequency
-    waving = (eta - eta.mean()) * eased(t, period)
-    return target_elevation(np.append(lull, t), np.append(0 * lull, waving), band=band)
+    times, waving = np.append(lull, t), (eta - eta.mean()) * eased(t, period)
+    return times, target_elevation(times, np.append(0 * lull, waving), band=band)
 
 
 def _median_time(t: Array, eta: Array) -> float:

@@ -26,6 +26,7 @@ from wavetank.studies.calibrate.aims import (
     NO_RESULT,
     Aim,
     Attempt,
+    CrestAim,
     Setting,
     aim_of,
     scale,
@@ -47,6 +48,7 @@ COLUMNS = (
     *("waves that broke", "CPU [s]", "cause"),
 )
 CHEAP, OWN = "cheap", "the case's"
+REVERSED = 0  # number of the files of the run with the reversed target
 FAILURES = 3  # attempts with incomplete runs
 TABLE, PICTURE, CASE, WAVES, RUNS = "calibration.csv", "calibration.png", "case.toml", "components.csv", "runs"
 ATTEMPTS = "attempt-[0-9]*.*"
@@ -78,7 +80,7 @@ def with_waves(case: Case, aim: Aim, file: str, *, recorded: bool) -> bytes:
     motion = case.wall.motion
     components = {"type": "components", "file": file, "ramp": RAMP * first.period, "generation": "linear"}
     if isinstance(motion, MadeWaves):
-        components |= {"ramp": motion.ramp_in(case.tank), "generation": motion.generation}
+        components |= {"ramp": motion.ramp_in(case.tank), "generation": case.ends[0].generation[0]}
     changes: dict[str, Any] = {"gauges": _gauges(case, aim.x)}
     if recorded:
         needed = {"surface_every": first.period / PER_PERIOD, "gauges_every": 1}
@@ -196,7 +198,10 @@ class Calibration:
             self._aim = aim_of(self._case)
         cheap = cheaper(self._case)
         self._stages = [*([(CHEAP, cheap)] if cheap else []), (OWN, self._case)]
-        first = attempt_files(1, self._stages[0][1], self._aim, self._aim.start)
+        self._first = (1, self._aim.start) if self._aim.reversed is None else (REVERSED, self._aim.reversed)
+        self._reversed_runs, self._reversed_cpu = 0, 0.0
+        number, setting = self._first
+        first = attempt_files(number, self._stages[0][1], self._aim, setting)
         same = all((out / name).exists() and (out / name).read_bytes() == text for name, text in first.items())
         self._former = [] if same or not (out / TABLE).exists() else [*out.glob(ATTEMPTS), *results, out / TABLE]
         if self._former and not overwrite:
@@ -213,7 +218,9 @@ class Calibration:
             self._out.mkdir(parents=True, exist_ok=True)
         for path in self._former:
             path.unlink(missing_ok=True)
-        setting = self._aim.start
+        if self._aim.note:
+            self._print(self._aim.note)
+        setting = self._start()
         while self._runs + len(self._aim.phases(self._finished)) <= most:
             attempt = self._run(setting)
             self._attempts.append(attempt)
@@ -232,7 +239,7 @@ class Calibration:
 
     @property
     def _runs(self) -> int:
-        return self._attempts[-1].runs if self._attempts else 0
+        return self._attempts[-1].runs if self._attempts else self._reversed_runs
 
     @property
     def _finished(self) -> list[Attempt]:
@@ -241,29 +248,53 @@ class Calibration:
     def _print(self, line: str) -> None:
         self._console.print(line, markup=False, highlight=False)
 
+    def _start(self) -> Setting:
+        """Return the first setting: after a run with the reversed target, or by linear theory."""
+        setting, aim = self._aim.reversed, self._aim
+        if setting is None or isinstance(aim, CrestAim):
+            return aim.start
+        try:
+            (run,), cause = self._runs_of(REVERSED, setting, phases=(0.0,))
+        except InputError as error:  # beyond the limits of the paddle
+            cause = str(error)
+        else:
+            self._reversed_runs, self._reversed_cpu = 1, _cpu(run)
+        if cause:
+            self._print(f"the first waves are those of linear theory; a run with the reversed target: {cause}")
+            return aim.start
+        self._print(f"run with the reversed target: {_cpu(run):.1f} s of CPU time")
+        return aim.start_after(run)
+
+    def _runs_of(self, number: int, setting: Setting, *, phases: Sequence[float]) -> tuple[list[RunDirectory], str]:
+        """Return the runs of a setting, one for each phase [deg], and the cause if one broke down, or "".
+
+        Raises ``InputError`` if the paddle cannot generate these waves.
+        """
+        case_file = self._out / f"attempt-{number}.toml"
+        for name, content in attempt_files(number, self._stages[0][1], self._aim, setting).items():
+            write_atomically(self._out / name, content)
+        combinations = attempt_runs(case_file, number, phases)
+        runner = Runner(case_file, self._out / RUNS, at_once=cores(), yes=self._yes)
+        with self._console.status(f"attempt {number}"):
+            cause = _breakdown(runner, combinations)
+        return [RunDirectory(runner.directory(one)) for one in combinations], cause
+
     def _run(self, setting: Setting) -> Attempt:
         """Return the attempt at a setting, from existing run directories if they are complete."""
-        number, (numerics, case) = len(self._attempts) + 1, self._stages[0]
-        case_file = self._out / f"attempt-{number}.toml"
+        number, (numerics, _) = len(self._attempts) + 1, self._stages[0]
         try:
-            for name, content in attempt_files(number, case, self._aim, setting).items():
-                write_atomically(self._out / name, content)
-            combinations = attempt_runs(case_file, number, self._aim.phases(self._finished))
+            runs, cause = self._runs_of(number, setting, phases=self._aim.phases(self._finished))
         except InputError as error:
             if not self._attempts:
                 raise
             self._give_up(f"attempt {number} would need what the paddle cannot do: {error}")
-        runner = Runner(case_file, self._out / RUNS, at_once=cores(), yes=self._yes)
-        with self._console.status(f"attempt {number}"):
-            cause = _breakdown(runner, combinations)
-        runs = [RunDirectory(runner.directory(one)) for one in combinations]
         return Attempt(
             number=number,
             runs=self._runs + len(runs),
             numerics=numerics,
             setting=setting,
             run=runs[0].path,
-            cpu=sum(one.manifest.get("timings", {}).get("stepping_cpu_s", 0.0) for one in runs),
+            cpu=sum(_cpu(one) for one in runs),
             broke=sum(one.manifest.get("breaking", {}).get("waves", 0) for one in runs),
             result=NO_RESULT if cause else self._aim.evaluate(runs),
             cause=cause,
@@ -291,8 +322,9 @@ class Calibration:
         """Write the result and print the largest values of the paddle motion."""
         self._write_result(attempt)
         needed = read_case(self._out / CASE).ends[0].extent
+        cpu = self._reversed_cpu + sum(one.cpu for one in self._attempts)
         self._print(
-            f"reached after {attempt.runs} runs, {sum(one.cpu for one in self._attempts):.3g} s of CPU time; the "
+            f"reached after {attempt.runs} runs, {cpu:.3g} s of CPU time; the "
             f"paddle's stroke {needed.stroke:.4g} m, speed {needed.speed:.4g} m/s, acceleration "
             f"{needed.acceleration:.4g} m/s^2"
         )
@@ -314,6 +346,11 @@ class Calibration:
             result = f"attempt {best.number}, off by {rounded(best.result.misfit)} times what is allowed"
             text = f"{text}; {self._out / CASE} has the best, {result}"
         raise RunError(f"{text}.")
+
+
+def _cpu(run: RunDirectory) -> float:
+    """Return the CPU time of the steps of a run [s]."""
+    return float(run.manifest.get("timings", {}).get("stepping_cpu_s", 0.0))
 
 
 def _breakdown(runner: Runner, runs: Sequence[Combination]) -> str:

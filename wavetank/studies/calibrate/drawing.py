@@ -18,7 +18,7 @@ LAYOUT: Any = {"width_ratios": (2.2, 1.2, 1.0), "sharex": False}
 
 def draw(attempts: Sequence[Attempt], aim: Aim, path: Path, *, shown: Attempt, title: str) -> None:
     """Draw one attempt and the misfits of all."""
-    title, waves = titled(title, f"attempt {shown.number}"), {"at first": aim.start, "now": shown.setting}
+    title, waves = titled(title, f"attempt {shown.number}"), {"by linear theory": aim.start, "now": shown.setting}
     with panels(path, 1, 3, size=(13.0, 4.2), title=title, **LAYOUT) as ((records, spectrum, misfits),):
         _draw_records(records, shown, aim)
         for (label, setting), colour in zip(waves.items(), (PALE_GREY, INK), strict=True):
