@@ -184,13 +184,13 @@ def test_mixing_solves_a_linear_problem_in_as_many_steps_as_unknowns():
     np.testing.assert_allclose(settings[-1], np.linalg.solve(matrix, right), atol=1e-6)
 
 
-def test_part_of_a_correction_is_mixed_with_damped_weights():
-    """Oracle: the normal equation of one weight, with a damping of 0.2 (1 - part) of the size of the effect."""
+def test_weights_of_the_mixing_are_damped_and_corrections_scaled():
+    """Oracle: the normal equation of one weight."""
     settings, missing = np.array([[0.0], [1.0]]), np.array([[2.0], [1.0j]])
-    for part in (1.0, 0.5, 0.25):
-        weight = 1 / (5 * (1 + (0.2 * (1 - part)) ** 2))  # the effect is -2 + 1j, of which 1j has a part of 1 / 5
+    for part, damping in ((1.0, 0.0), (0.5j, 0.1), (0.25, 0.3)):
+        weight = 1 / (5 * (1 + damping**2))  # the effect is -2 + 1j, of which 1j has a part of 1 / 5
         expected = 1 - weight + part * (1j - weight * (-2 + 1j))
-        assert aims.mixed(settings, missing, part=part) == pytest.approx(expected)
+        assert aims.mixed(settings, missing, part, damping=damping) == pytest.approx(expected)
 
 
 def test_reversed_target_gives_the_waves_of_a_reversible_tank(wanted, tmp_path):
@@ -209,18 +209,25 @@ def test_reversed_target_gives_the_waves_of_a_reversible_tank(wanted, tmp_path):
 
 
 def test_correction_of_the_best_record_is_halved_after_a_worse_one(wanted, tmp_path, monkeypatch):
-    """The second and the fourth of four attempts are worse than the first; the third is the best."""
+    """The second and the last two of five attempts are worse than the first; the third is the best."""
     received = {}
-    monkeypatch.setattr(aims, "mixed", lambda settings, missing, *, part: received.update(part=part, of=settings))
-    settings = [factor * wanted.start for factor in (0.8, 0.7, 0.95, 1.4)]
+    monkeypatch.setattr(
+        aims, "mixed", lambda *received_values, damping: received.update(of=received_values, by=damping)
+    )
+    settings = [factor * wanted.start for factor in (0.8, 0.7, 0.95, 1.4, 1.5)]
     history = [
         attempt(wanted, one, in_linear_tank(wanted, tmp_path, one, transfer=np.ones_like), number)
         for number, one in enumerate(settings)
     ]
-    for number, last, part in ((1, 0, 1.0), (2, 0, 0.5), (3, 2, 0.5), (4, 2, 0.25)):
+    wanted.next_setting(history[:1])
+    _, _, whole = received["of"]
+    strongest = np.argmax(np.abs(whole))
+    for number, last, part in ((1, 0, 1.0), (2, 0, 0.5), (3, 2, 0.5), (4, 2, 0.25), (5, 2, 0.25)):
         wanted.next_setting(history[:number])
-        assert received["part"] == part and received["of"].shape[0] == number
-        np.testing.assert_array_equal(received["of"][-1], settings[last])
+        of, missing, inverse = received["of"]
+        assert received["by"] == pytest.approx(0.2 * (1 - part)) and of.shape[0] == missing.shape[0] == number
+        assert inverse[strongest] == pytest.approx(part * whole[strongest], rel=0.05)
+        np.testing.assert_array_equal(of[-1], settings[last])
 
 
 # ---------------------------------------------------------------- the command

@@ -290,10 +290,10 @@ BAND = 0.08  # standard deviation of a band over the mean frequency, at least th
 MIN_BAND_ENERGY = 1e-4  # energy over that of the largest band below which the transfer function is uncertain
 MIN_TRANSFER = 0.5  # transfer function below which corrections are reduced
 RELAXATION = 0.5  # factor of the correction of a record after an attempt that is not the best
+LEAST_PART = 0.25  # least such factor
 DAMPING = 0.2  # damping of the mixing of records over the size of the effects
 REDUCTION = 0.8  # factor of the setting of a record for lower waves
 RECORD_REFINEMENT = 8  # refinement of the times of a record for the search of a crest
-PAIRS = 2  # attempts with two runs of opposite phases
 CREST, TROUGH = 0.0, 180.0  # phases of the two runs [deg]
 TAPER = 2.0  # taper at either end of a record, in mean periods
 BLOCK = 1000  # times that are evaluated together
@@ -419,9 +419,13 @@ class RecordAim:
         return np.asarray((self.start * np.exp(1j * delay)).conj())
 
     def start_after(self, run: RunDirectory) -> Setting:
-        """Return the first setting, by a run of the waves with the reversed target."""
+        """Return the first setting, by a run of the waves with the reversed target.
+
+        Waves that do not arrive within the target by linear theory are excluded, for example reflected ones.
+        """
         assert self._reversal is not None
-        return self._reversal.setting(gauge_at(run, self.x))
+        waves = self.waves(self._reversal.setting(gauge_at(run, self.x)))
+        return np.asarray(self._lines.of(waves.elevation(self.x, self._t)) * np.exp(-1j * waves.k_x * self.x))
 
     def late(self) -> tuple[float, float]:
         """Return the part of the target that cannot arrive from a paddle that starts at t = 0, by linear theory.
@@ -437,8 +441,8 @@ class RecordAim:
         return rms(self._judged.part(missing)) / rms(self._judged.part(self._eta))
 
     def phases(self, attempts: Sequence[Attempt]) -> tuple[float, ...]:
-        """Return the phases [deg] that are added to all waves, one for each run; two for the transfer function."""
-        return (CREST, TROUGH) if self._linear or len(attempts) < PAIRS else (CREST,)
+        """Return the phases [deg] that are added to all waves, one for each run; two for the first attempt."""
+        return (CREST, TROUGH) if self._linear or not attempts else (CREST,)
 
     def evaluate(self, runs: Sequence[RunDirectory]) -> AttemptResult:
         """Return the record at the target's times and its misfit."""
@@ -455,15 +459,16 @@ class RecordAim:
     def next_setting(self, attempts: Sequence[Attempt]) -> Setting:
         """Return the best setting with its correction, mixed with the others.
 
-        The correction is halved for each attempt that was not better than all before.
+        The correction is halved for each attempt that was not better than all before, to a quarter at least.
         """
         inverse = self._inverse(attempts) * np.exp(-1j * self._waves.k_x * self.x)
         same = [one for one in attempts if one.numerics == attempts[-1].numerics]
         misfits = [one.result.misfit for one in same]
         worse = np.count_nonzero(misfits > np.minimum.accumulate(misfits))
         same.append(same.pop(int(np.argmin(misfits))))
-        missing = [inverse * self._lines.of(self._eta - one.result.record.values) for one in same]
-        return mixed(np.array([one.setting for one in same]), np.array(missing), part=RELAXATION**worse)
+        missing = [self._lines.of(self._eta - one.result.record.values) for one in same]
+        settings, part = np.array([one.setting for one in same]), max(RELAXATION**worse, LEAST_PART)
+        return mixed(settings, np.array(missing), part * inverse, damping=DAMPING * (1 - part))
 
     def _inverse(self, attempts: Sequence[Attempt]) -> Complex:
         """Return coherence over transfer function, in bands, from the settings and their changes."""
@@ -488,20 +493,27 @@ class RecordAim:
         return np.asarray(REDUCTION * setting)
 
 
-def mixed(settings: Complex, missing: Complex, *, part: float = 1.0) -> Complex:
-    """Return the last setting plus a part of its correction by Anderson mixing; arguments have shape (attempts, N).
-
-    Each weight of the mixing is damped by 1 - part.
+def mixed(settings: Complex, missing: Complex, inverse: ArrayLike = 1.0, *, damping: float = 0.0) -> Complex:
+    """Return the last setting with its correction by Anderson mixing.
 
     Source: D. G. Anderson, "Iterative procedures for nonlinear integral equations", J. ACM 12, 1965.
+
+    Parameters
+    ----------
+    settings, missing
+        Settings, and differences of the target from their results, shape (attempts, N).
+    inverse
+        Correction of a setting over the difference, shape (N,).
+    damping
+        Damping of the weights over the size of their effects.
     """
     changes, effects = (one[-1] - one[:-1] for one in (settings, missing))
     stacked = np.concatenate([effects.real, effects.imag], axis=1).T
     now = np.concatenate([missing[-1].real, missing[-1].imag])
-    damping = DAMPING * (1 - part) * np.diag(np.linalg.norm(stacked, axis=0))
-    system = np.concatenate([stacked, damping]), np.append(now, np.zeros(len(effects)))
+    damped = damping * np.diag(np.linalg.norm(stacked, axis=0))
+    system = np.concatenate([stacked, damped]), np.append(now, np.zeros(len(effects)))
     weights = np.linalg.lstsq(*system, rcond=None)[0] if len(effects) else np.zeros(0)
-    return np.asarray(settings[-1] - weights @ changes + part * (missing[-1] - weights @ effects))
+    return np.asarray(settings[-1] - weights @ changes + inverse * (missing[-1] - weights @ effects))
 
 
 def started(waves: PlaneWaves, x: float, t: Array) -> Array:
