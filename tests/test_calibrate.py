@@ -208,6 +208,20 @@ def test_reversed_target_gives_the_waves_of_a_reversible_tank(wanted, tmp_path):
     assert by_theory.nrms > 1.0 and result.nrms < 0.05  # of which 0.035 is the even part
 
 
+def test_reflected_waves_of_the_reversed_run_are_excluded(waves, tmp_path):
+    """A wall 5 m behind the gauge of a linear tank: its waves are those of earlier ones in the reversed time."""
+    t, path = np.linspace(0.0, 40.0, 801), tmp_path / "eta.csv"
+    np.savetxt(path, np.column_stack([t, waves.elevation(10.0, t)]), delimiter=",")
+    target = f"target={{type='record', file='{path}', x=10.0, start=15.0, end=25.0, highest_frequency=1.35}}"
+    aim = aim_of(read_case(FOCUSING, [target, "run.duration=40.0"]))
+    generated, settings = aim.waves(aim.reversed), []
+    for factor in (0.0, 1.0):
+        eta = generated.elevation(10.0, t) + factor * generated.elevation(20.0, t)
+        run = write_run(tmp_path / f"{factor}", gauges=gauges(gauge("target", 10.0, t, eta)))
+        settings.append(aim.start_after(run))
+    assert np.linalg.norm(settings[1] - settings[0]) < 0.2 * np.linalg.norm(settings[0])
+
+
 def test_correction_of_the_best_record_is_halved_after_a_worse_one(wanted, tmp_path, monkeypatch):
     """The second and the last two of five attempts are worse than the first; the third is the best."""
     received = {}
@@ -219,6 +233,7 @@ def test_correction_of_the_best_record_is_halved_after_a_worse_one(wanted, tmp_p
         attempt(wanted, one, in_linear_tank(wanted, tmp_path, one, transfer=np.ones_like), number)
         for number, one in enumerate(settings)
     ]
+    assert [len(wanted.phases(history[:number])) for number in (0, 1, 2)] == [2, 1, 1]
     wanted.next_setting(history[:1])
     _, _, whole = received["of"]
     strongest = np.argmax(np.abs(whole))
@@ -348,7 +363,7 @@ RECORD = (
     "run.duration=20.0",
     "numerics={cell_size=0.5, vertical_order=4, dt=0.05}",
     "wall.motion={type='surface', file='ETA', x=2.0, delay=5.0}",
-    "target={type='record', file='ETA', x=2.0, tolerance=0.001}",
+    "target={type='record', file='ETA', x=2.0, tolerance=0.03}",
 )
 
 
@@ -381,7 +396,7 @@ def test_calibration_begins_with_the_reversed_target_and_is_continued(in_process
     """Oracle: the setting from the gauge of the first run. Linear water does not need it."""
     command = ("calibrate", str(FOCUSING), "--out", str(tmp_path / "out"), *group_record, "--most")
     result = commanded(*command, "3")
-    assert result.returncode == 1 and "run with the reversed target: " in result.stdout
+    assert result.returncode == 0 and "run with the reversed target: " in result.stdout
     (row,) = csv_rows(tmp_path / "out" / TABLE)
     assert int(row["runs"]) == 3 and float(row["nrms"]) < 0.02
     run = RunDirectory(tmp_path / "out" / "runs" / "0")
@@ -389,7 +404,9 @@ def test_calibration_begins_with_the_reversed_target_and_is_continued(in_process
     written = np.loadtxt(tmp_path / "out" / "attempt-1.csv", delimiter=",")
     np.testing.assert_allclose(written[:, 1], np.abs(aim.start_after(run)), rtol=1e-6)
     before = {path: path.read_bytes() for path in run.path.parent.glob("*/manifest.json")}
-    assert len(before) == 3 and commanded(*command, "3").stdout.splitlines()[-1].startswith("attempt 1: crest")
+    cpu = sum(RunDirectory(path.parent).manifest["timings"]["stepping_cpu_s"] for path in before)
+    again = commanded(*command, "3").stdout
+    assert len(before) == 3 and "attempt 1: crest" in again and f"reached after 3 runs, {cpu:.3g} s" in again
     assert {path: path.read_bytes() for path in run.path.parent.glob("*/manifest.json")} == before
     assert aim_of(read_case(FOCUSING, [*group_record[1::2], "water.type=linear"])).reversed is None
 
