@@ -20,7 +20,7 @@ from wavetank.case import Case
 from wavetank.case.output import RecordTarget
 from wavetank.output.columns import Variable
 from wavetank.output.directory import RunDirectory
-from wavetank.output.fields import window_columns, window_record, window_row, window_rows
+from wavetank.output.fields import surface_variables, window_columns, window_record, window_row, window_rows
 from wavetank.output.netcdf import conventions, netcdf, write_records
 from wavetank.output.openfast import KINEMATICS, wave_time
 from wavetank.output.water_columns import water_columns
@@ -180,7 +180,8 @@ def test_elevation_alone_is_that_of_the_middle_in_a_periodic_time(run, tmp_path)
     assert given.items() >= {"WaveMod": "5", "WaveDT": "0.01", "WvKinFile": '"inlet-elevation"'}.items()
     assert float(given["WaveTMax"]) == 0.78 and "WaveStMod" not in given
     assert settings(tmp_path / "inlet-SeaState.txt", 6)["Y_HalfWidth"] == "0.5"
-    exported(run, tmp_path, "--overwrite", "--width", "3")
+    exported(run, tmp_path, "--overwrite", "--width", "3", "--every", "0.0123456789")
+    assert (tmp_path / "inlet-elevation.Elev").read_text().splitlines()[2].split()[0] == "0"
     assert settings(tmp_path / "inlet-SeaState.txt", 6)["Y_HalfWidth"] == "1.5"
 
 
@@ -257,10 +258,10 @@ def test_openfoam_reads_the_flow_and_the_height_of_the_surface(tmp_path, form):
 
 
 def test_a_line_of_columns_is_a_plane_and_replaces_an_earlier_one(run, tmp_path):
-    exported(run, tmp_path, "--every", "0.03", "--spacing", "0.05", to="openfoam")
+    exported(run, tmp_path, "--every", "0.03", "--spacing", "0.04", to="openfoam")
     mine = tmp_path / "constant" / "boundaryData" / "inlet" / "0.03" / "k"
     mine.write_text("1")
-    exported(run, tmp_path, "--overwrite", "--spacing", "0.05", to="openfoam")
+    exported(run, tmp_path, "--overwrite", "--spacing", "0.04", to="openfoam")
     at = foam_list(tmp_path / "constant" / "boundaryData" / "inlet" / "points")
     assert {*np.round(at[:, 0], 9)} == {*np.round(X, 9)} and not at[:, 1].any()
     times = {one.name for one in mine.parents[1].iterdir() if one.is_dir()}
@@ -292,7 +293,7 @@ def test_uneven_rows_are_interpolated(tmp_path):
         ({"form": "csv"}, [], r"has no accelerations; .* format = \"netcdf\" of \[\[windows\]\]"),
         ({"depth": np.linspace(0.4, 0.5, 11)}, [], r"depths from 0.4 to 0.5 m received; SeaState's grid"),
         ({"times": DT * np.arange(3)}, [], r"has 3 rows; at least 4 are needed"),
-        ({}, ["--every", "1"], r"--every 1 received; must be above 0 and at most 0.2667 s"),
+        ({}, ["--every", "1"], r"must be above 0 and at most 0.2667 s: at least 4 rows are needed\."),
         ({}, ["--every", "0"], r"--every 0 received"),
         ({}, ["--to", "openfoam", "--patch", "../inlet"], r"--patch '../inlet' received; allowed are letters"),
         (
@@ -301,6 +302,11 @@ def test_uneven_rows_are_interpolated(tmp_path):
             r"--origin '1,2' received; allowed is X,Y,Z",
         ),
         ({}, ["--to", "openfoam"], r"--spacing: needed by openfoam; allowed is at most the height of the cells"),
+        (
+            {},
+            ["--to", "openfoam", "--spacing", "0.06"],
+            r"spacing of 0.06 m received; allowed is at most half the range of the elevation, 0.05 m",
+        ),
         ({}, ["--to", "openfoam", "--spacing", "1e-5"], r"spacing of 1e-05 m received, .* at most 100000 points"),
     ],
 )
@@ -312,11 +318,15 @@ def test_what_does_not_fit_is_refused_before_anything_is_written(tmp_path, windo
 
 
 def test_other_windows_and_folders_are_refused(run, tmp_path):
-    words = "--to", "openfoam", "--spacing", "0.05", "--out", str(tmp_path / "out")
+    words = "--to", "openfoam", "--spacing", "0.04", "--out", str(tmp_path / "out")
     assert "has no window 'outlet'; there are inlet" in refusal("export", str(run), "outlet", *words)
     other = written(tmp_path / "run", "inlet")
     written(other, "later", times=1.0 + T)
-    assert "windows inlet and later differ in times" in refusal("export", str(other), "inlet", "later", *words)
+    assert "2 windows received; a patch of openfoam: allowed is one window" in refusal(
+        "export", str(other), "inlet", "inlet", *words
+    )
+    said = refusal("export", str(other), "inlet", "later", *words, "--to", "openfast")
+    assert "windows inlet and later differ in times" in said
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine").write_text("")
     assert "holds files already" in refusal("export", str(run), "inlet", *words)
@@ -356,6 +366,15 @@ def test_other_netcdf_files_are_refused(tmp_path, content):
     path = tmp_path / "file.nc"
     path.write_bytes(content)
     with pytest.raises(InputError, match="is NetCDF-4; allowed is the classic|cannot be read .* elevation over time"):
+        data.opened(str(path))
+
+
+def test_surface_of_a_run_has_no_gauges(tmp_path):
+    path = tmp_path / "surface.nc"
+    with path.open("wb") as file:
+        rows = (np.concatenate([[t], X, WAVE.elevation(X, t), X]) for t in T)
+        write_records(file, map(surface_variables, rows), conventions({}))
+    with pytest.raises(InputError, match=r"surface.nc: has no gauges; allowed are gauges.nc and window-NAME.nc"):
         data.opened(str(path))
 
 

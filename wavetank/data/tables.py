@@ -70,6 +70,8 @@ def _netcdf_table(path: Path) -> ColumnTable:
     except Exception as error:  # of any type for a damaged file
         needed = "a NetCDF file of gauges or of a window has elevation over time and place, x and y"
         raise InputError(f"{path}: cannot be read ({type(error).__name__}: {error}); {needed}.") from None
+    if any(variables[axis].dimensions != (place,) for axis in "xy"):
+        raise InputError(f"{path}: has no gauges; allowed are gauges.nc and window-NAME.nc of a run.")
     return _window_table(variables, names)
 
 

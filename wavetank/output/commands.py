@@ -69,6 +69,9 @@ def export(
     from wavetank.output.openfoam import patch_of, write_openfoam
     from wavetank.output.water_columns import water_columns
 
+    if program == Program.OPENFOAM and len(windows) > 1:
+        one = "allowed is one window, as several can have points at equal places"
+        raise InputError(f"{len(windows)} windows received; a patch of openfoam: {one}.")
     columns = water_columns(RunDirectory(run), windows, every)
     name = windows[0]
     path = run if run.name.strip(".") else run.resolve()  # . and .. have no name

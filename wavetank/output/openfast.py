@@ -155,9 +155,12 @@ def write_openfast(folder: Path, name: str, columns: WaterColumns, grid: SeaStat
         Grid of WaveMod 6; None for the elevation alone, at the first column.
     """
     dt = f"{columns.dt:.10g}"
-    t = [Decimal(dt) * n for n in range(len(columns.elevation))]
+    t = [Decimal(dt) * n if n else 0 for n in range(len(columns.elevation))]
     middle = columns.elevation[:, 0 if grid is None else grid.middle]
-    record = [f"Time Elevation\n{'(s)':4} (m)\n", *(f"{at} {eta:.8e}\n" for at, eta in zip(t, middle, strict=True))]
+    record = [
+        f"Time Elevation\n{'(s)':4} (m)\n",
+        *(f"{at} {eta:.8e}\n" for at, eta in zip(t, middle, strict=True)),
+    ]
     files: dict[str, Iterator[str]] = {f"{name}-elevation{ELEVATION}": iter(record)}
     lines = [f"SeaState's input for {columns.source}; its time 0 is {columns.begin:.10g} s of the run", ""]
     if grid is not None:

@@ -24,6 +24,7 @@ TABLES = Path("constant") / "boundaryData"
 FIELDS = "U", "alpha.water"
 SETTINGS = "fields-{patch}.txt"
 MOST = 10**5  # points of a patch
+STILL = 1e-6  # range of the elevation of still water [m]
 
 
 @dataclass(frozen=True)
@@ -62,8 +63,11 @@ def patch_of(
     """Return the points of a patch in the plane of the columns, from the deepest bed to above the highest crest.
 
     The spacing should be at most the height of the cells at the surface [m]. The default of ``width`` is 1 m. Raises
-    ``InputError`` for too many points.
+    ``InputError`` for a spacing above half the range of the elevation, and for too many points.
     """
+    if STILL < (extent := float(np.ptp(columns.elevation))) < 2.0 * spacing:
+        allowed = f"allowed is at most half the range of the elevation, {extent / 2:.3g} m"
+        raise InputError(f"{columns.source}: spacing of {spacing:g} m received; {allowed}.")
     deepest, crest = float(columns.depth.max()), float(columns.elevation.max())
     lowest, highest = np.floor(-deepest / spacing), np.ceil(crest / spacing) + 2.0  # intervals
     if (number := highest - lowest) * len(columns.x) > MOST:

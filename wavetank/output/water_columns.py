@@ -112,7 +112,8 @@ def water_columns(run: RunDirectory, windows: Sequence[str], every: float | None
     dt, even = float((t[-1] - t[0]) / (t.size - 1)), _even(t)
     if every is not None and not 0.0 < every <= (t[-1] - t[0]) / (FEWEST - 1):
         longest = (t[-1] - t[0]) / (FEWEST - 1)
-        raise InputError(f"--every {every:g} received; must be above 0 and at most {longest:.4g} s, for {FEWEST} rows.")
+        allowed = f"above 0 and at most {longest:.4g} s: at least {FEWEST} rows are needed"
+        raise InputError(f"--every {every:g} received; must be {allowed}.")
     names = [str(name) for name, one in data.data_vars.items() if one.dims == ("time", "column", "level")]
     quantities = {name: np.asarray(data[name].values, dtype=np.float64) for name in names}
     elevation = np.asarray(data.elevation.values, dtype=np.float64)
