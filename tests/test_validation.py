@@ -103,6 +103,9 @@ def test_conclusions_state_levels_ratios_and_missing_parts():
     assert Validation(0.03, {"U_D": 0.04}).conclusion == "validated at 4.0% without U_SN, u_input"
     assert Validation(0.12, parts, ["gain", "noise"]).conclusion == "validated at 13.0% without gain, noise"
     assert Validation(0.26, parts, ["gain"]).conclusion == "|E| = 2.0 U_V without gain"
+    for E in (0.001, 3.0):
+        assert Validation(E, {"u_input": 0.01}).conclusion == "no conclusion without U_SN and U_D"
+    assert Validation(0.03, {"U_SN": 0.04}).conclusion == "validated at 4.0% without U_D, u_input"
     assert Validation(0.1, {}).conclusion == "" and np.isnan(Validation(0.1, {}).U_V)
 
 

@@ -91,6 +91,8 @@ class Validation(NamedTuple):
         """Whether E is within U_V, and what U_V does not contain; empty without any part."""
         if not self.parts:
             return ""
+        if not {NUMERICAL, MEASURED} & {*self.parts}:
+            return f"no conclusion without {NUMERICAL} and {MEASURED}"
         if self.U_V > LARGEST:
             return f"U_V = {100 * self.U_V:.0f} %: too large for a conclusion"
         missing = [*(name for name in PARTS if name not in self.parts), *self.unstated]
