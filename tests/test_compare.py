@@ -12,7 +12,7 @@ from records import csv_rows, gauge, gauges, refusal, write_run
 from rich.console import Console
 
 from wavetank import data
-from wavetank.analysis.compare import compare, compare_harmonics, matched
+from wavetank.analysis.compare import compare, compare_harmonics, matched, not_compared
 from wavetank.analysis.signals import surface_similarity
 from wavetank.base.errors import InputError
 from wavetank.output.directory import RunDirectory
@@ -133,12 +133,32 @@ def test_gauges_are_matched(computed, reference, partners):
     assert all(np.isfinite(other.x) for _, other in pairs)
 
 
+def test_gauges_that_are_not_compared_are_named(tmp_path):
+    run, moved = placed(("1", 10.0), ("2", 20.0)), placed(("1", 10.0), ("2", 20.204), ("b", 20.1, 3.0))
+    assert not_compared(run, run) == ""
+    said = "not compared: gauge 2 at x = 20.204 m; the nearest gauge of the run is 2 at x = 20 m. Give the run gauges"
+    assert not_compared(run, moved[:2]) == f"{said} at these places."
+    several = "gauges 2 at x = 20.204 m, b at x = 20.1 m, y = 3 m; the nearest gauges of the run are 2 at x = 20 m."
+    assert several in not_compared(run, moved)
+    assert not_compared(run, placed(("WG", np.nan))) == "not compared: gauge WG. Give the run gauges of these names."
+    computed = record(waves(T))
+    write_run(tmp_path / "run", gauges=computed)
+    rows = np.column_stack([T, computed[0], computed[0]])
+    np.savetxt(tmp_path / "own.csv", rows, delimiter=",", header="t,5,far@x=50.2", comments="")
+    told = commanded("compare", str(tmp_path / "run"), "--with", str(tmp_path / "own.csv")).stdout
+    assert "not compared: gauge far at x = 50.2 m; the nearest gauge of the run is 5 at x = 50 m." in told
+
+
 def test_records_that_cannot_be_compared_are_bad_input(tmp_path):
     one = record(waves(T))
     other = placed(("b", 2.0))
     for computed, reference, message in (
         (gauges(), one, "the run has none; the reference '5' at x = 50 m"),
-        (placed(("a", 1.0)), other, "the run has 'a' at x = 1 m; the reference 'b' at x = 2 m"),
+        (
+            placed(("a", 1.0)),
+            other,
+            "the run has 'a' at x = 1 m; the reference 'b' at x = 2 m; gauges need equal positions, .*x10@x=10",
+        ),
         (
             one,
             one.assign_coords(time=T + 100.0),
@@ -155,8 +175,14 @@ def test_records_that_cannot_be_compared_are_bad_input(tmp_path):
     for out, why in ((file, "is a file; allowed is a folder, new or existing"), (file / "out", "cannot be written")):
         said = refusal("compare", str(tmp_path / "run"), "--with", str(tmp_path / "run"), "--out", str(out))
         assert f"{out}: {why}" in said
-    said = "runs/w-1: is no run directory, no folder with a dataset.toml, no CSV file, and no data set; "
-    assert said in refusal("compare", str(tmp_path / "run"), "--with", "runs/w-1")
+    said = f"{tmp_path}: is no run directory, no folder with a dataset.toml, no CSV file, and no data set; "
+    assert said in refusal("compare", str(tmp_path / "run"), "--with", str(tmp_path))
+    for missing in ("runs/w-1", "w.csv"):
+        said = f"{missing}: does not exist; allowed are a run directory, a folder with a dataset.toml, a CSV file, and"
+        assert said in refusal("compare", str(tmp_path / "run"), "--with", missing)
+    assert "w-1: is no run directory" in refusal("compare", str(tmp_path / "run"), "--with", "w-1")
+    (tmp_path / "empty.csv").write_text("")
+    assert "empty.csv: is empty." in refusal("compare", str(tmp_path / "run"), "--with", str(tmp_path / "empty.csv"))
 
 
 def test_the_tables_show_units_and_the_digits_of_small_crests_in_a_narrow_terminal():

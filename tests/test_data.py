@@ -213,6 +213,7 @@ def compared(run, reference, out):
     [
         ("t,1,5", "FILE: 1, 5 in m and t in s, as its first line says no units"),
         ("time [s],1,5 [m]", "FILE: 1 in m, as its first line says no units"),
+        ("time (s),1(m),5 (m)", ""),
         ("time [s],1 [m],5 [m]", ""),
         ("t [s];1@x=2;5@x=7.5", ""),
     ],
@@ -361,7 +362,7 @@ CLOCK = "records.0.clock_offset = [0, -5.0]: must be 'free', a number of seconds
     ("old", "new", "said"),
     [
         ('time = "ms"', 'time = "h"', "records.0.units.time = \"h\": must be 's', 'ms' or 'min'"),
-        ("gains =", "gain =", "records.0.gain = [2.0, 1.0]: is no key of a data set"),
+        ("gains =", "gain =", "records.0.gain = [2.0, 1.0]: is no key; allowed are source, citation, files, time"),
         ("[2.0, 1.0]", "[2.0]", "records.0.gains: 1 received; there are 2 gauges"),
         ('["a", 4]', '["eta", 4]', "wave.csv.gz: column 'eta' asked for; the names in its first line are: time, none"),
         ('["a", 4]', '["a", 5]', "wave.csv.gz: column 5 asked for; it has 4"),
@@ -380,8 +381,17 @@ CLOCK = "records.0.clock_offset = [0, -5.0]: must be 'free', a number of seconds
         ("\n[[", '\nuncertainty = "5%"\n[[', 'uncertainty = "5%": must be a table of gain, clock, place, noise.'),
         ("\n[[", '\npaddle = { file = "p" }\n[[', 'paddle = {"file": "p"}: must be a list, [...].'),
         ("\n[[", '\npaddle = ["p"]\n[[', 'paddle.0 = "p": must be a table of gain, clock, noise, file.'),
-        ("\n[[", "\nuncertainty = { speed = 1 }\n[[", "uncertainty.speed = 1: is no key of a data set"),
-        ("\n[[", '\npaddle = [{ file = "p", place = 1.0 }]\n[[', "paddle.0.place = 1.0: is no key of a data set"),
+        (
+            "\n[[",
+            "\nuncertainty = { speed = 1 }\n[[",
+            "uncertainty.speed = 1: is no key; allowed are gain, clock, place, noise.",
+        ),
+        (
+            "\n[[",
+            '\npaddle = [{ file = "p", place = 1.0 }]\n[[',
+            "paddle.0.place = 1.0: is no key; allowed are gain, clock, noise, file.",
+        ),
+        ("gauges = [", "depth = 1.0\ngauges = [", "depth = 1.0: is no key; allowed are name, title, citation"),
     ],
 )
 def test_inconsistent_description_is_refused(run, folder, tmp_path, old, new, said):
@@ -406,6 +416,8 @@ def test_one_gauge_in_common_is_enough(run, folder, tmp_path):
         ("0.0,1.0\n0.1,2.0\n", "its first line must name the columns"),
         ("t,1 [ft]\n0.0,1.0\n", r"line 1: column '1 \[ft\]' received; allowed are the units m, cm, mm"),
         ("t,1\n0.0,1.0\n0.1,\n", "line 3: '0.1,' received; allowed are finite numbers, as many in each row"),
+        ("t,1 (ft)\n0.0,1.0\n", r"line 1: column '1 \(ft\)' received; allowed are the units m, cm, mm"),
+        ("t,F [N],U (m/s)\n0.0,1.0,1.0\n", "has no column of elevations; allowed are the units m, cm, mm"),
         ("t,1@x=2,1@x=3\n0.0,1.0,2.0\n", "mine.csv: gauges: '1' is the name of several; each must have its own"),
         ("t,1\n0.0,1.0\n0.0,2.0\n", "line 3: time 0 received after 0; times must ascend"),
     ],
@@ -414,6 +426,19 @@ def test_invalid_table_is_refused(tmp_path, text, said):
     (tmp_path / "mine.csv").write_text(text)
     with pytest.raises(InputError, match=said):
         data.gauge_records(data.opened(str(tmp_path / "mine.csv")))
+
+
+def test_columns_of_other_quantities_are_omitted(tmp_path):
+    path = tmp_path / "mine.csv"
+    header = "t [s],F [N],1 [mm],pressure (Pa),U [m/s],WG(2) [m],b (left)@x=3,angle [deg],T [C]"
+    path.write_text(f"{header}\n{rows(T, T, 1e3 * eta(T, 2.0), T, T, eta(T, 7.5), T, T, T)}")
+    (found,) = data.gauge_records(data.opened(str(path)))
+    assert list(found.gauge.values) == ["1", "WG(2)", "b (left)"]
+    np.testing.assert_allclose(found, [eta(T, 2.0), eta(T, 7.5), T], atol=1e-8)
+    omitted = "F [N], pressure (Pa), U [m/s], angle [deg], T [C] omitted: no elevations"
+    assert data.units_note(str(path)) == f"{path}: {omitted}"
+    said = refusal("analyse", str(path), "spectrum", "--gauges", "1,F", "--out", str(tmp_path / "out"))
+    assert "gauge F [N] received; it is no elevation." in said
 
 
 def test_one_source_of_a_data_set_is_compared_without_a_run(tmp_path):

@@ -52,6 +52,7 @@ def refusals(**keys):
         ("t [s],x10 [mm],x20 [m]", "x20", (1, 1)),
         ("t [s],elevation [m],x20 [m]", "x20", (1, 1)),
         ("t [ms],x10,x20 [cm]", "x20", (1e3, 1e2)),
+        ("t (ms),x10 (V),x20 (cm)", "x20", (1e3, 1e2)),
         ("time [ms],x10 [m],x20 [mm]", "x20", (1e3, 1e3)),
         ("# a flume\nt [s],1@x=10,x20@x=20;y=1", "x20", (1, 1)),
     ],
@@ -68,7 +69,7 @@ def test_motion_target_and_comparison_read_the_same_gauge(tmp_path, name, header
         np.testing.assert_array_equal(eta, compared.values)
 
 
-@pytest.mark.parametrize("header", ["", "t,eta", "t [s],x10", "t [s],elevation [m]", "time,x20@x=20"])
+@pytest.mark.parametrize("header", ["", "t,eta", "t [s],x10", "t [s],elevation [m]", "time,x20@x=20", "t (s) x10 (m)"])
 def test_a_file_with_one_elevation_needs_no_gauge(tmp_path, header):
     for model in readers(file=str(table(tmp_path / "eta.csv", header, T, X20))):
         np.testing.assert_allclose(model.record("target"), [T, X20], atol=1e-12)
@@ -85,6 +86,9 @@ def test_a_file_with_several_elevations_names_its_gauges(tmp_path):
     for chosen, received in (({}, ""), ({"gauge": "x15"}, ' = "x15"')):
         for said in refusals(file=str(path), **chosen):
             assert said.endswith(f".gauge{received}: must be a gauge of {path}: x10, x20.")
+    path = table(tmp_path / "force.csv", "t,x10,F [N]", T, X10, X20)
+    for said in refusals(file=str(path), gauge="F"):
+        assert said.endswith(f"must be a gauge of {path}: x10; F [N] is no elevation.")
 
 
 @pytest.mark.parametrize(

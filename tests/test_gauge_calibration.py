@@ -1,5 +1,6 @@
 """Gains, clocks and places of gauges: planted errors in records of seas, a reflected wave, MARIN's records."""
 
+import re
 from typing import NamedTuple
 
 import numpy as np
@@ -188,6 +189,8 @@ def test_corrections_of_the_command_correct_the_data(table, tmp_path, drawn):
     done = commanded("analyse", str(table), "calibration", "--depth", "1", "--out", str(first))
     assert done.returncode == 0, done.stderr
     assert "9 parameters relative to gauge a" in done.stdout
+    shown = done.stdout.partition("9 parameters")[0]
+    assert "\N{HORIZONTAL ELLIPSIS}" not in shown and not re.search(r"\d\.\d{4}", shown.replace("0.0", ""))
     assert f"wrote {first}/analysis-calibration.csv, {first}/analysis-calibration.toml and" in done.stdout
     assert len(drawn) == 1 and not faults(drawn[0])
     rows = csv_rows(first / "analysis-calibration.csv")
@@ -226,8 +229,9 @@ def test_corrections_multiply_gains_add_clocks_and_leave_computations(tmp_path):
     (tmp_path / "one.csv").write_text("t,A,B,C\n" + "".join(f"{t},1,2,3\n" for t in range(3)))
     records = 'files = ["one.csv"], gains = [2, 1, 1], clocks = [1, 0, 0.5]'
     computed = '{ source = "theory", files = ["one.csv"] }'
-    names = '[{ name = "A", x = 1 }, { name = "B", x = 2 }, { name = "C", x = 3 }]'
-    (tmp_path / "dataset.toml").write_text(f"gauges = {names}\nrecords = [{{ {records} }}, {computed}]\n")
+    names = '[{ name = "A", x = 1 }, { name = "B", x = 2, uncertainty = { place = 0.1 } }, { name = "C", x = 3 }]'
+    stated = "uncertainty = { gain = 0.05, clock = 0.01, place = 0.04, noise = 0.001 }"
+    (tmp_path / "dataset.toml").write_text(f"{stated}\ngauges = {names}\nrecords = [{{ {records} }}, {computed}]\n")
     file = tmp_path / "corrections.toml"
     gauges = '[{ name = "B", x = 2.1, uncertainty = { place = 0.02 } }, { name = "A", x = 1 }]'
     file.write_text(f"gains = [0.5, 1.5]\nclocks = [0.25, -0.5]\ngauges = {gauges}\n")
@@ -238,7 +242,15 @@ def test_corrections_multiply_gains_add_clocks_and_leave_computations(tmp_path):
         one = measured.sel(gauge=gauge).dropna("time")
         assert one.values.tolist() == [value] * 3 and one.time.values.tolist() == [start, start + 1, start + 2]
     assert theory.sel(gauge="A").values.tolist() == [1.0] * 3 and theory.time.values.tolist() == [0.0, 1.0, 2.0]
-    assert dataset.uncertainties() == {"A": {}, "B": {"place": 0.02}, "C": {}}
+    all_parts = {"gain": 0.05, "clock": 0.01, "place": 0.04, "noise": 0.001}
+    assert dataset.uncertainties() == {
+        "A": {"place": 0.04, "noise": 0.001},
+        "B": {"place": 0.02, "noise": 0.001},
+        "C": all_parts,
+    }
+    file.write_text('gains = [1]\nclocks = [0]\ngauges = [{ name = "B", x = 2.1 }]\n')
+    of_place = data.corrected(data.opened(str(tmp_path)), file).uncertainties()["B"]
+    assert of_place == {"gain": 0.05, "clock": 0.01, "noise": 0.001}
 
 
 def test_compare_applies_corrections(table, tmp_path):
@@ -302,4 +314,4 @@ def test_marin_gauges_have_the_documented_errors():
     columns = analysed("calibration", record).columns
     np.testing.assert_allclose(columns["gain [-]"], [1, 1.07 / 1.08, 1.07 / 0.97], atol=0.025)
     np.testing.assert_allclose(columns["place [m]"], [0, -0.195, -0.034], atol=0.02)
-    assert columns["misfit"][1] > 0.6 and columns["corrected"][1] < 0.12
+    assert columns["misfit"][1] > 0.6 and columns["fitted"][1] < 0.12

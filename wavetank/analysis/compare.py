@@ -51,6 +51,10 @@ ARRIVAL_LEVEL = 0.1  # elevation over the largest one of the reference at which 
 RISE_TIME = 0.25  # mean periods from still water to a crest: the uncertainty of an arrival time
 GAUGE_TOLERANCE = 1e-3  # largest distance of two gauges at the same position [m]
 MIN_RANGE = 1e-4  # least range of a record over that of the other one with a wave
+REMEDY = (
+    'gauges need equal positions, in the header of a file "x10@x=10", or without a position equal names, '
+    'in the case gauges = [{ name = "x10", x = 10.0 }]'
+)
 
 
 def matched(computed: DataArray, reference: DataArray) -> list[tuple[DataArray, DataArray]]:
@@ -67,17 +71,43 @@ def matched(computed: DataArray, reference: DataArray) -> list[tuple[DataArray, 
             pairs.append((one.dropna("time"), placed.dropna("time")))
     if not pairs:
         have, want = (", ".join(map(_gauge_label, group)) or "none" for group in (computed, reference))
-        raise InputError(f"no gauge in common: the run has {have}; the reference {want}.")
+        raise InputError(f"no gauge in common: the run has {have}; the reference {want}; {REMEDY}.")
     return pairs
 
 
+def not_compared(computed: DataArray, reference: DataArray) -> str:
+    """Return a line on the gauges of the reference that are at no computed gauge; empty without any."""
+    others = [other for other in reference if _partner(other, computed) is None]
+    if not others:
+        return ""
+    names = ", ".join(other.gauge.item() + _place(other) for other in others)
+    many = "s" * (len(others) > 1)
+    if np.isnan([*computed.x, *(other.x for other in others)]).any():
+        return f"not compared: gauge{many} {names}. Give the run gauges of these names."
+    nearest = [computed[int(np.argmin(_distances(other, computed)))] for other in others]
+    have = ", ".join(dict.fromkeys(one.gauge.item() + _place(one) for one in nearest))
+    is_at = f"the nearest gauge{many} of the run {'are' if many else 'is'} {have}"
+    return f"not compared: gauge{many} {names}; {is_at}. Give the run gauges at these places."
+
+
 def _gauge_label(gauge: DataArray) -> str:
-    return repr(gauge.gauge.item()) + ("" if isnan(gauge.x) else f" at x = {float(gauge.x):g} m")
+    return repr(gauge.gauge.item()) + _place(gauge)
+
+
+def _place(gauge: DataArray) -> str:
+    """Return the place of a gauge at the end of its name; empty if it is unknown."""
+    if isnan(gauge.x):
+        return ""
+    return f" at x = {float(gauge.x):g} m" + (f", y = {float(gauge.y):g} m" if gauge.y else "")
+
+
+def _distances(gauge: DataArray, candidates: DataArray) -> Array:
+    return np.asarray(np.hypot(candidates.x - gauge.x, candidates.y - gauge.y))
 
 
 def _partner(gauge: DataArray, candidates: DataArray) -> int | None:
     namesakes = candidates.gauge.values == gauge.gauge.item()
-    distances = np.hypot(candidates.x - gauge.x, candidates.y - gauge.y).values
+    distances = _distances(gauge, candidates)
     possible = np.flatnonzero(distances < GAUGE_TOLERANCE)
     if not possible.size:
         possible = np.flatnonzero(np.isnan(distances) & namesakes)

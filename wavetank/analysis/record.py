@@ -166,6 +166,9 @@ def read_record(
     given = {"given_depth": depth, "given_period": period}
     parameters |= {name: value for name, value in given.items() if value is not None}
     if gauges:
+        others = data.other_columns(source)
+        if other := [others[name] for name in gauges if name in others and name not in eta.gauge.values]:
+            raise InputError(f"{source}: gauge {other[0]} received; it is no elevation.")
         eta = signals.chosen(eta, gauges)
     before = None if start is None else eta.sel(time=slice(None, end))
     return WaveRecord(signals.between(eta, start, end), title, before=before, parts=parts, **parameters)

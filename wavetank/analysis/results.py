@@ -422,7 +422,7 @@ def calibration(record: WaveRecord) -> Result:
     of_gain, of_clock, of_place = U = np.pad(result.uncertainty, ((0, 0), (1, 0)), constant_values=np.nan)
     U[[part not in record.parts for part in PARTS]] = np.nan
     factor, names, x = np.exp(gain), record.eta.gauge.values.astype(str), record.eta.x.values
-    names_of_misfits = ["misfit", "waves fitted", "corrected", *(f"without {part}" for part in PARTS)]
+    names_of_misfits = ["misfit", "waves", "fitted", *(f"without {part}" for part in PARTS)]
     columns = {
         "gain [-]": factor,
         "U gain [-]": factor * of_gain,

@@ -68,8 +68,10 @@ def read_columns(
 
 
 def read_header(path: Path) -> Header:
-    """Return the header of a file, without its rows; raises ``InputError`` if the file cannot be read."""
+    """Return the header of a file, without its rows; raises ``InputError`` if it cannot be read or has no line."""
     number, line = next(iter(_lines(path)), (1, ""))
+    if not line:
+        raise InputError(f"{path}: is empty.")
     return Header(number, () if _row(line) else _names(line))
 
 
@@ -129,7 +131,16 @@ def _names(line: str) -> tuple[str, ...]:
     """Return the names of the columns in a header."""
     if mark := next((mark for mark in ",;" if mark in line), None):
         return tuple(name.strip() for name in next(csv.reader([line], delimiter=mark, skipinitialspace=True)))
-    return tuple(re.findall(r"\S+(?:\s+\[[^]]*\])?", line))
+    return tuple(re.findall(r"\S+(?:\s+(?:\[[^]]*\]|\([^)]*\)))?", line))
+
+
+def name_and_unit(column: str) -> tuple[str, str]:
+    """Return the name of a column and its unit in brackets or parentheses, ``5 [mm]`` or ``5 (mm)``; empty without one.
+
+    A number in parentheses belongs to the name, as in ``WG(1)``.
+    """
+    match = re.fullmatch(r"(.*?)\s*\[(.*?)\]?", column) or re.fullmatch(r"(.*?)\s*\((\D[^()]*)\)", column)
+    return (match[1].strip(), match[2].strip()) if match else (column.strip(), "")
 
 
 def _lines(path: Path) -> list[tuple[int, str]]:

@@ -58,6 +58,8 @@ class ElevationFile(CaseModel):
             gauge = names[0] if self.gauge is None and len(names) == 1 else self.gauge
             if gauge not in names:
                 allowed = f"must be a gauge of {self.file}: {', '.join(names)}"
+                if other := data.other_columns(reference).get(gauge or ""):
+                    allowed += f"; {other} is no elevation"
                 raise CaseError([Problem((*key, "gauge"), gauge, allowed)])
             one = records.sel(gauge=gauge).dropna("time")
             check_rows(self.file, one.size)

@@ -4,7 +4,7 @@ import tomllib
 from collections import Counter
 from math import inf, isfinite
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar, get_args
 
 from pydantic import BeforeValidator, Field, Strict, ValidationError, field_validator, model_validator
 from pydantic_core import ErrorDetails
@@ -271,7 +271,8 @@ class Corrections(CaseModel):
 def corrected(data: Dataset, path: Path | None) -> Dataset:
     """Return a data set with the corrections of a file; its own gains and clocks apply, too. Others are unchanged.
 
-    Computations are not corrected. Raises ``InputError`` for an invalid file, and if no gauge is in the data set.
+    The uncertainty of a corrected gain, clock or place is that of the file. Computations are not corrected. Raises
+    ``InputError`` for an invalid file, and if no gauge is in the data set.
     """
     if path is None:
         return data
@@ -290,8 +291,15 @@ def corrected(data: Dataset, path: Path | None) -> Dataset:
             "clocks": tuple(a + b for a, b in zip(own_clocks, clocks, strict=True)),
         }
         records.append(one if isinstance(one, ComputedFiles) else one.model_copy(update=total))
-    gauges = tuple(places.get(gauge.name, gauge) for gauge in data.gauges)
-    return data.model_copy(update={"gauges": gauges, "records": tuple(records)})
+    stated, gauges = data.uncertainties(), []
+    for gauge, gain, clock in zip(data.gauges, gains, clocks, strict=True):
+        place = places.get(gauge.name, gauge)
+        changed = {"gain": gain != 1.0, "clock": clock != 0.0, "place": (place.x, place.y) != (gauge.x, gauge.y)}
+        kept = {part: size for part, size in stated[gauge.name].items() if not changed.get(part)}
+        uncertainty = GaugeUncertainty(**kept | place.uncertainty.stated)
+        gauges.append(place.model_copy(update={"uncertainty": uncertainty}))
+    new_parts = {"gauges": tuple(gauges), "records": tuple(records), "uncertainty": GaugeUncertainty()}
+    return data.model_copy(update=new_parts)
 
 
 def read_dataset(folder: Path) -> Dataset:
@@ -317,20 +325,31 @@ def _read(path: Path, model: type[Model], defaults: dict[str, Any], folder: dict
 
 def refused(path: Path, error: ValidationError) -> InputError:
     """Return the errors of a description or a table, one line each."""
-    return InputError("\n".join(f"{path}: {_sentence(one)}." for one in error.errors(include_url=False)))
+    model = globals().get(error.title)
+    return InputError("\n".join(f"{path}: {_sentence(one, model)}." for one in error.errors(include_url=False)))
 
 
-def _sentence(details: ErrorDetails) -> str:
-    """Return the meaning of an error of pydantic."""
+def _sentence(details: ErrorDetails, model: type[CaseModel] | None) -> str:
+    """Return the meaning of an error of pydantic in a model of this module, None for others."""
     if not details["loc"]:
         return str(details["ctx"]["error"])
     if details["type"] == "missing":
         return str(Problem(details["loc"], None, "is missing"))
     allowed = details["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
     if details["type"] == "extra_forbidden":
-        allowed = "is no key of a data set"
+        allowed = f"is no key{_keys(model, details['loc'][:-1])}"
     if details["type"] == "model_type":
         allowed = f"must be a table of {', '.join(globals()[details['ctx']['class_name']].model_fields)}"
     if details["type"] == "tuple_type":
         allowed = "must be a list, [...]"
     return str(Problem(details["loc"], details["input"], allowed))
+
+
+def _keys(model: type[CaseModel] | None, place: tuple[int | str, ...]) -> str:
+    """Return the keys that are allowed at a place of a model, at the end of a message; empty without a model."""
+    for part in place:
+        if model and isinstance(part, str):
+            annotation = model.model_fields[part].annotation
+            parts = [annotation, *get_args(annotation)]
+            model = next((one for one in parts if isinstance(one, type) and issubclass(one, CaseModel)), None)
+    return f"; allowed are {', '.join(model.model_fields)}" if model else ""

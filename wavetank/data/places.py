@@ -7,7 +7,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from wavetank.base.cache import places
-from wavetank.base.columns import Header
+from wavetank.base.columns import Header, name_and_unit
 from wavetank.base.errors import InputError
 from wavetank.data.description import (
     DATASET,
@@ -26,6 +26,12 @@ from wavetank.output.columns import parse_position_label
 PART = "data"  # name of the folder in the cache
 HERE = Path(__file__).resolve().parent
 BUILT_IN = HERE / "known"
+OTHER_UNITS = frozenset(  # of columns that are no elevations
+    """
+    N kN N/m kN/m Nm kNm N.m N*m Pa hPa kPa MPa bar mbar m/s cm/s mm/s m/s2 m/s^2 m/s² g kg deg ° rad deg/s °/s rad/s
+    C °C degC K V mV A mA W kW Hz rpm % -
+    """.split()  # noqa: SIM905
+)
 
 
 def folders() -> list[Path]:
@@ -67,10 +73,10 @@ def opened(reference: str) -> Dataset:
         return read_dataset(folder)
     if path.is_file():
         return plain(path)
-    raise InputError(
-        f"{reference}: is no run directory, no folder with a {DATASET}, no CSV file, and no data set; "
-        f"known data sets are: {', '.join(names())}."
-    )
+    why = f"is no run directory, no folder with a {DATASET}, no CSV file, and no data set"
+    if not path.exists() and ("/" in reference or path.suffix):
+        why = f"does not exist; allowed are a run directory, a folder with a {DATASET}, a CSV file, and a data set"
+    raise InputError(f"{reference}: {why}; known data sets are: {', '.join(names())}.")
 
 
 def plain(path: Path) -> Dataset:
@@ -79,14 +85,17 @@ def plain(path: Path) -> Dataset:
     Windows and gauges of a run in NetCDF are tables, too (``tables.py``).
 
     A name may contain the position, ``5@x=50`` or ``5@x=50;y=2``, as in ``gauges.csv`` of a run, and a unit of
-    ``SECONDS`` or ``METRES``, ``5 [mm]``; without one it is the first. Raises ``InputError`` for a file without a
-    header, for other units, and for gauges of equal names.
+    ``SECONDS`` or ``METRES``, ``5 [mm]`` or ``5 (mm)``; without one it is the first. Columns with ``OTHER_UNITS`` are
+    omitted. Raises ``InputError`` for a file without a header or elevations, for unknown units, and for gauges of equal
+    names.
     """
     header = gauges_header(path)
     if len(header.names) < 2:
         raise InputError(f"{path}: its first line must name the columns: the time [s], then the gauges [m].")
     _, time = _name_and_unit(path, header, 0, SECONDS)
-    columns = range(1, len(header.names))
+    columns = [n for n, name in enumerate(header.names) if n and name_and_unit(name)[1] not in OTHER_UNITS]
+    if not columns:
+        raise InputError(f"{path}: has no column of elevations; allowed are the units {', '.join(METRES)}.")
     names, units = zip(*(_name_and_unit(path, header, n, METRES) for n in columns), strict=True)
     records = RecordFiles(
         files=(path.name,),
@@ -101,31 +110,43 @@ def plain(path: Path) -> Dataset:
         raise refused(path, error) from None
 
 
+def other_columns(reference: str) -> dict[str, str]:
+    """Return the columns of a table that are no elevations, by their names; none of a data set."""
+    columns = {name_and_unit(column): column for column in _columns(reference)[1:]}
+    return {name: column for (name, unit), column in columns.items() if unit in OTHER_UNITS}
+
+
+def _columns(reference: str) -> tuple[str, ...]:
+    """Return the columns of a table by its path; none of a data set."""
+    path = Path(reference)
+    described = reference in names() or path.name == DATASET or not path.is_file()
+    return () if described else gauges_header(path).names
+
+
 def units_note(reference: str) -> str:
-    """Return the assumed units of a table whose first line has none; empty if it has units.
+    """Return the assumed units of a table whose first line has none, and omitted columns; empty without any.
 
     A position in a name, as in the table of a run, implies metres. Raises ``InputError`` as ``opened``.
     """
-    path = Path(reference)
-    if reference in names() or path.name == DATASET or not path.is_file():
-        return ""
-    time, *columns = gauges_header(path).names
-    silent = [name for name in columns if "[" not in name and "@" not in name]
-    if not silent:
-        return ""
-    units = f"{', '.join(silent)} in m{'' if '[' in time else f' and {time} in s'}"
-    return f"{path}: {units}, as its first line says no units; a {DATASET} beside it says others"
+    time, *columns = _columns(reference) or ("",)
+    notes, silent = [], [name for name in columns if not name_and_unit(name)[1] and "@" not in name]
+    if silent:
+        units = f"{', '.join(silent)} in m{'' if name_and_unit(time)[1] else f' and {time} in s'}"
+        notes.append(f"{units}, as its first line says no units; a {DATASET} beside it says others")
+    if others := other_columns(reference).values():
+        notes.append(f"{', '.join(others)} omitted: no elevations")
+    return f"{reference}: {'; '.join(notes)}" if notes else ""
 
 
 def _name_and_unit(path: Path, header: Header, number: int, units: Mapping[str, float]) -> tuple[str, str]:
     """Return name and unit of a column; without a unit it is the first of the units."""
     column = header.names[number]
-    name, _, unit = column.removesuffix("]").partition("[")
-    unit = unit.strip() or next(iter(units))
+    name, unit = name_and_unit(column)
+    unit = unit or next(iter(units))
     if unit not in units:
         allowed = f"allowed are the units {', '.join(units)}"
         raise InputError(f"{path}, line {header.line}: column {column!r} received; {allowed}.")
-    return name.strip(), unit
+    return name, unit
 
 
 def _gauge(column: str) -> GaugePosition:

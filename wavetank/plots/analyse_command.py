@@ -14,7 +14,7 @@ from wavetank.output.files import check_new, write_atomically
 from wavetank.output.manifest import MANIFEST
 
 KINDS = ("spectrum", "heights", "harmonics", "bound-free", "groups", "reflection", "speed", "calibration")
-WIDTH = 120  # least width of a table in characters
+WIDTH = 128  # least width of a table in characters
 MOST = 24  # rows of a table on the terminal
 CALIBRATION = "calibration"
 REFLECTION = "reflection"  # kinds for regular waves, or for a sea
@@ -112,7 +112,8 @@ def analyse(
     for kind, result in results.items():
         table = data_frame(result.columns)
         more = f"and {len(table) - MOST} more rows, in the file" if len(table) > MOST else None
-        terminal.print(terminal_table(table[:MOST], plain_columns(table, digits=4), caption=more))
+        shown = plain_columns(table, digits=3 if kind == CALIBRATION else 4)
+        terminal.print(terminal_table(table[:MOST], shown, caption=more))
         if result.text:
             terminal.print(result.text, highlight=False)
         replaced = ", in place of what was there (--out: elsewhere)" if files[kind].exists() else ""

@@ -119,9 +119,9 @@ def write_dataset(path: Path, data: Dataset, names: Sequence[str] = ()) -> None:
 
 
 def plain_columns(frame: "DataFrame", digits: int) -> list[Column]:
-    """Return the columns of a data frame by name, numbers with a number of digits."""
-    numbers = {*frame.select_dtypes("number")}
-    return [Column(name, name, f"{{:.{digits}g}}" if name in numbers else "{}") for name in frame]
+    """Return the columns of a data frame by name, numbers with a number of digits, places x with six."""
+    formats = dict.fromkeys(frame.select_dtypes("number"), f"{{:.{digits}g}}") | {"x [m]": "{:g}"}
+    return [Column(name, name, formats.get(name, "{}")) for name in frame]
 
 
 def terminal_table(frame: "DataFrame", columns: Iterable[Column], *, caption: str | None = None) -> Table:

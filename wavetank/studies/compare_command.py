@@ -140,7 +140,7 @@ def _compare_gauges(
         result.append(tables.terminal_table(harmonic.to_dataframe().reset_index(), tables.HARMONICS))
         result += regular_waves_of(pairs, start)
     gauges_figure(measured, computed, [one for one, _ in rest], folder / "compare.png", bands)
-    result += _without_waves(compared)
+    result += [*_without_waves(compared), *filter(None, [analysis.not_compared(computed, measured)])]
     if offset:
         result.append(f"clock: {offset:+.4g} s added to the reference's times; shifts and arrivals are relative to it")
     return result
