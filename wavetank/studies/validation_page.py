@@ -36,11 +36,12 @@ def run_atlas(names: Sequence[str], atlas: Path, out: OutputPath) -> None:
                 failures.append(f"{entry.name}: {error}")
                 continue
         failures += results[-1].outside
+        rows = _with_range(results[-1].rows)
         terminal.print(f"{entry.name}: {results[-1].cpu:.3g} CPU s", highlight=False)
+        terminal.print(terminal_table(rows, _filled(rows)))
     if results:
         frame = _frame(results)
         write_frame(folder / TABLE, frame)
-        terminal.print(terminal_table(frame, _filled(frame)))
         (folder / PAGE).write_text(page(results), encoding="utf-8")
         number, outside = int(frame.expected.notna().sum()), sum(len(one.outside) for one in results)
         terminal.print(f"wrote {folder / TABLE}, {folder / PAGE}", highlight=False)
@@ -53,7 +54,6 @@ def run_atlas(names: Sequence[str], atlas: Path, out: OutputPath) -> None:
 
 
 COLUMNS = (
-    Column("case", "case"),
     Column("gauge", "gauge"),
     Column("nrms", "nrms", "{:.3f}"),
     Column("range", "expected"),
@@ -76,8 +76,12 @@ def _filled(frame: DataFrame) -> list[Column]:
 
 def _frame(results: Sequence[ComparedCase]) -> DataFrame:
     """Return a row for each gauge or amplitude of each case."""
-    frame = concat([one.rows.assign(case=one.entry.name, cpu=one.cpu) for one in results], ignore_index=True)
-    return frame.assign(range=frame.expected.map(range_text))
+    return concat([one.rows.assign(case=one.entry.name, cpu=one.cpu) for one in results], ignore_index=True)
+
+
+def _with_range(rows: DataFrame) -> DataFrame:
+    """Return rows with the expected misfit and its allowed change as text."""
+    return rows.assign(range=rows.expected.map(range_text))
 
 
 def page(results: Sequence[ComparedCase]) -> str:
@@ -86,7 +90,7 @@ def page(results: Sequence[ComparedCase]) -> str:
     for one in results:
         source = f"`{one.entry.name}`, {one.cpu:.3g} CPU s{'' if one.entry.amplitudes else ' with the companion run'}."
         parts += [f"## {one.title}\n", f"{source} {one.entry.note}".rstrip() + "\n"]
-        parts += [_table(one.rows.assign(range=one.rows.expected.map(range_text)), one.entry.published)]
+        parts += [_table(_with_range(one.rows), one.entry.published)]
         parts.append(f"![Measured and computed values]({FIGURES / one.entry.name}.png)\n")
     return "\n".join(parts)
 
