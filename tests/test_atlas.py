@@ -35,11 +35,11 @@ def changed(tmp_path, old, new):
 @pytest.mark.parametrize("name", [name for name in ENTRIES if ENTRIES[name].nrms])
 def test_entries_have_a_case_and_the_gauges_of_their_data(name):
     entry = ENTRIES[name]
-    case, measured = read_case(ATLAS.parent / entry.case), measured_records(entry)
-    assert len(case.all_gauges) == len(entry.nrms)
-    if measured:
-        gauges = set(measured[0].gauge.values)
-        assert set(entry.nrms) == gauges or name == "geoclaw_matsuyama_2007" and set(entry.nrms) < gauges
+    if not (measured := measured_records(entry)):
+        pytest.skip(f"{entry.reference} is not on this machine")
+    gauges = set(measured[0].gauge.values)
+    assert len(read_case(ATLAS.parent / entry.case).all_gauges) == len(entry.nrms)
+    assert set(entry.nrms) == gauges or name == "geoclaw_matsuyama_2007" and set(entry.nrms) < gauges
     for values in entry.published.values():
         assert set(values) == set(entry.nrms)
 
@@ -130,7 +130,7 @@ def test_unknown_names_are_refused_before_anything_runs(tmp_path, wavetank):
         (
             ('reference = "hosnwt_ecn_regular_flap"', 'reference = "nowhere"', "'nowhere' is no data set"),
             ('"7" = 0.084', '"8" = 0.084', "nrms of '8' received; its gauges are 1, 2, 3"),
-            ('case = "../ecn-flap.toml"', 'case = "../gone.toml"', "gone.toml: cannot be read"),
+            ('case = "../ecn-flap.toml"', 'case = "../gone.toml"', "case = '../gone.toml' received; it must be a file"),
         )
     ):
         atlas = changed(tmp_path / str(n), old, new)
@@ -139,6 +139,13 @@ def test_unknown_names_are_refused_before_anything_runs(tmp_path, wavetank):
     said = wavetank("validate", "bar", "--atlas", str(ATLAS), "--out", str(tmp_path / "out"))
     assert said.returncode == 2 and "has no case 'bar'; its cases are ecn-flap" in said.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_atlas_is_read_without_any_data(monkeypatch, tmp_path):
+    """Cases that read the record of a paddle are omitted, and do not prevent the others."""
+    monkeypatch.setattr("wavetank.data.places.folders", lambda: [tmp_path])
+    entries = read_atlas(ATLAS)
+    assert len(entries) == len(ENTRIES) and not any(map(measured_records, entries))
 
 
 def test_cases_without_data_are_omitted_and_none_is_an_error(tmp_path, monkeypatch, capsys):

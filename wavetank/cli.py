@@ -266,7 +266,7 @@ COMMANDS: dict[Callable[..., None], str] = {  # in the order of use, each with a
     may_execute(analyse): "analyse runs/focusing spectrum groups",
     may_execute(study): "study cases/standing-wave.toml --sweep dt=0.02,0.01",
     may_execute(calibrate): "calibrate cases/focusing.toml",
-    export: "export runs/focusing inlet --to openfoam --spacing 0.01",
+    export: "export runs/mine inlet --to openfoam --spacing 0.01",
     schema: "schema > case.schema.json",
 }
 for _command, _words in COMMANDS.items():

@@ -25,25 +25,25 @@ def read_gauges(path: Path) -> ColumnTable:
 
     Raises ``InputError`` as ``read_columns``, and for a NetCDF file without elevations over time and place.
     """
-    if _is_netcdf(path):
-        return _netcdf_table(path)
-    if not {*read_header(path).names} >= WINDOW:
+    if not _is_netcdf(path) and not {*read_header(path).names} >= WINDOW:
         return read_columns(path)
     state = path.stat()
-    return _table_of_window(path, (state.st_size, state.st_mtime_ns))
+    return _recorded_table(path, (state.st_size, state.st_mtime_ns))
 
 
 def gauges_header(path: Path) -> Header:
     """Return the header of the table of a file."""
     if _is_netcdf(path):
-        return Header(1, _netcdf_table(path).names)
+        return Header(1, read_gauges(path).names)
     header = read_header(path)
     return header._replace(names=read_gauges(path).names) if {*header.names} >= WINDOW else header
 
 
 @lru_cache(maxsize=1)  # a file is read for its header, then for its values
-def _table_of_window(path: Path, state: tuple[int, int]) -> ColumnTable:
-    """Return the table of a window in a text file of a size [bytes] and a time [ns]."""
+def _recorded_table(path: Path, state: tuple[int, int]) -> ColumnTable:
+    """Return the table of a NetCDF file, or of a window in a text file, of a size [bytes] and a time [ns]."""
+    if _is_netcdf(path):
+        return _netcdf_table(path)
     table = read_columns(path)
     return _window_table(window_variables(table.names, table.values))
 

@@ -88,8 +88,8 @@ class ComparedCase(NamedTuple):
     rows
         Quantities of ``compare`` of each gauge; also ``nrms_clock`` with one common offset of the clock that fits best,
         ``best_clock`` [s] beyond that of the entry, ``U_SN`` and ``U_V`` (nan if they are not resolved or stated), and
-        the ``expected`` misfit. Of an entry with amplitudes: ``frequency`` [Hz], ``measured`` and ``computed``
-        amplitude, and its relative error ``amplitude``.
+        the ``expected`` misfit. Of an entry with amplitudes: ``measured`` and ``computed`` amplitude, the relative
+        error ``amplitude`` and the ``expected`` one.
     cpu
         CPU time of the steps of run and companion [s].
     """
@@ -124,7 +124,7 @@ def range_text(expected: float) -> str:
 def read_atlas(path: Path, names: Sequence[str] = ()) -> list[Entry]:
     """Return the entries of an atlas, or those of some names.
 
-    Raises ``InputError``, also if a case cannot be read, a data set is unknown, or an expected misfit has no gauge.
+    Raises ``InputError``, also if a case is no file, a data set is unknown, or an expected misfit has no gauge.
     """
     try:
         entries = _Atlas.model_validate(tomllib.loads(path.read_text(encoding="utf-8"))).entries
@@ -138,7 +138,8 @@ def read_atlas(path: Path, names: Sequence[str] = ()) -> list[Entry]:
             raise InputError(f"{path}: has no case {name!r}; its cases are {have}.")
     chosen = [one for one in entries if not names or any(map(one.called, names))]
     for one in chosen:
-        read_case(path.parent / one.case)
+        if not (path.parent / one.case).is_file():
+            raise InputError(f"{path}: case = {one.case!r} received; it must be a file, relative to the atlas.")
         if one.amplitudes:
             continue
         if one.reference not in data.names():

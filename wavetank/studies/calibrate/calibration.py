@@ -198,9 +198,8 @@ class Calibration:
             self._aim = aim_of(self._case)
         cheap = cheaper(self._case)
         self._stages = [*([(CHEAP, cheap)] if cheap else []), (OWN, self._case)]
-        self._first = (1, self._aim.start) if self._aim.reversed is None else (REVERSED, self._aim.reversed)
         self._reversed_runs, self._reversed_cpu = 0, 0.0
-        number, setting = self._first
+        number, setting = (1, self._aim.start) if self._aim.reversed is None else (REVERSED, self._aim.reversed)
         first = attempt_files(number, self._stages[0][1], self._aim, setting)
         same = all((out / name).exists() and (out / name).read_bytes() == text for name, text in first.items())
         self._former = [] if same or not (out / TABLE).exists() else [*out.glob(ATTEMPTS), *results, out / TABLE]
